@@ -1,0 +1,138 @@
+"""Every error that the library raises on purpose; all descend from `RBImpedanceError`.
+
+Messages are built in ``__str__`` from the data that the error carries, so that errors survive pickling
+(worker processes) with their attributes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+
+class RBImpedanceError(Exception):
+    """Base of all errors of this library."""
+
+
+class ModelError(RBImpedanceError, ValueError):
+    """A robot description cannot become a sound model; the message says which element and what would be right."""
+
+
+class UnsupportedJointError(ModelError):
+    """Joints of a kind that the controller cannot drive (floating, planar, spherical, ...).
+
+    Attributes:
+        joints: Names of the joints.
+        reason: What is wrong with them and the way out.
+    """
+
+    def __init__(self, joints: Sequence[str], reason: str) -> None:
+        self.joints = tuple(joints)
+        self.reason = reason
+        super().__init__(self.joints, reason)
+
+    def __str__(self) -> str:
+        names = ", ".join(f"'{name}'" for name in self.joints)
+        return f"unsupported joint {names}: {self.reason}"
+
+
+class GainError(RBImpedanceError, ValueError):
+    """A gain or setting lies outside its admissible set.
+
+    Attributes:
+        name: Name of the parameter.
+        value: What was given.
+        admissible: What would be right, in words.
+    """
+
+    def __init__(self, name: str, value: object, admissible: str) -> None:
+        self.name = name
+        self.value = value
+        self.admissible = admissible
+        super().__init__(name, value, admissible)
+
+    def __str__(self) -> str:
+        return f"{self.name} must be {self.admissible}, got {self.value!r}"
+
+
+class InputError(RBImpedanceError, ValueError):
+    """A value handed over at run time (configuration, velocity, wrench, ...) cannot be used."""
+
+
+class DimensionError(InputError):
+    """An array has the wrong shape or kind.
+
+    Attributes:
+        name: Name of the argument.
+        expected: What would be right, in words.
+        actual: What was given, in words.
+    """
+
+    def __init__(self, name: str, expected: str, actual: str) -> None:
+        self.name = name
+        self.expected = expected
+        self.actual = actual
+        super().__init__(name, expected, actual)
+
+    def __str__(self) -> str:
+        return f"{self.name} must be {self.expected}, got {self.actual}"
+
+
+class NonFiniteError(InputError):
+    """An array holds NaN or infinity.
+
+    Attributes:
+        name: Name of the argument.
+        index: Indices of the offending entries.
+    """
+
+    def __init__(self, name: str, index: Sequence[int]) -> None:
+        self.name = name
+        self.index = tuple(index)
+        super().__init__(name, self.index)
+
+    def __str__(self) -> str:
+        where = ", ".join(str(i) for i in self.index)
+        return f"{self.name} must be finite; entry {where} is NaN or infinite"
+
+
+class DivergenceError(RBImpedanceError, ArithmeticError):
+    """A simulation left every sensible range.
+
+    Attributes:
+        time: Time of the last sound sample [s].
+        joint: Name of the joint that left first.
+        result: The `SimulationResult` up to that time.
+    """
+
+    def __init__(self, time: float, joint: str, result: Any) -> None:
+        self.time = time
+        self.joint = joint
+        self.result = result
+        super().__init__(time, joint, result)
+
+    def __str__(self) -> str:
+        return (
+            f"the simulation diverged after t = {self.time:.6g} s at joint '{self.joint}'; "
+            "the result so far is in the error's .result. Lower gains, a shorter period, a smaller payload or known "
+            "armature are the usual mends"
+        )
+
+
+class MissingExtraError(RBImpedanceError, ImportError):
+    """An optional dependency is not installed.
+
+    Attributes:
+        feature: What was asked for.
+        extra: Name of the optional extra that brings it.
+    """
+
+    def __init__(self, feature: str, extra: str) -> None:
+        self.feature = feature
+        self.extra = extra
+        super().__init__(feature, extra)
+
+    def __str__(self) -> str:
+        return (
+            f"{self.feature} needs an optional dependency: pip install 'rbimpedance[{self.extra}]'"
+        )
