@@ -1,0 +1,255 @@
+"""One control tick: impedance filter, errors, sliding surface, reaching law, torque (paper, eqs. 3, 4, 6 and 8)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, Protocol, TypeVar, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._arrays import Array, per_joint, positive_number, vector
+from ._frozen import set_fields
+from .dynamics import ArmModel
+from .exceptions import DimensionError, GainError
+from .impedance import TargetFilter, TargetImpedance
+from .super_twisting import ReachingState, SuperTwisting
+from .surfaces import Surface
+from .trajectories import Reference
+
+Knowledge = Literal["full", "mass"]
+"""What the controller knows of the arm: everything, or M(q) alone as in section 4 of the paper."""
+
+
+class ControllerState(NamedTuple):
+    """Everything that a controller remembers from one tick to the next.
+
+    Attributes:
+        ticks: Number of ticks so far.
+        q_e: Position of the impedance filter at this tick, shape (nv,) [rad or m].
+        v_e: Its velocity, shape (nv,) [rad/s or m/s].
+        z: Integral of the reaching law, shape (nv,) [s].
+        x: Modified sliding variable of the implicit scheme, shape (nv,).
+        a: Its correction, shape (nv,).
+    """
+
+    ticks: int
+    q_e: Array
+    v_e: Array
+    z: Array
+    x: Array
+    a: Array
+
+
+class ControllerOutput(NamedTuple):
+    """What a tick computed.
+
+    Attributes:
+        tau: Motor torque, shape (nv,) [N·m or N].
+        q_r: Impedance reference q_d (+) q_e, shape (nq,).
+        v_r: Its velocity, shape (nv,) [rad/s or m/s].
+        a_r: Its acceleration, shape (nv,) [rad/s² or m/s²].
+        e1: Position error q_r (-) q, shape (nv,) [rad or m].
+        e2: Velocity error v_r - v, shape (nv,) [rad/s or m/s].
+        s: Sliding variable, shape (nv,).
+        u: Reaching term, shape (nv,) [rad/s² or m/s²].
+        q_e: Position of the impedance filter at this tick, shape (nv,) [rad or m].
+        v_e: Its velocity, shape (nv,) [rad/s or m/s].
+    """
+
+    tau: Array
+    q_r: Array
+    v_r: Array
+    a_r: Array
+    e1: Array
+    e2: Array
+    s: Array
+    u: Array
+    q_e: Array
+    v_e: Array
+
+
+StateT = TypeVar("StateT")
+
+
+class Controller(Protocol[StateT]):
+    """What `simulate` needs of a controller; the baselines share it."""
+
+    @property
+    def arm(self) -> ArmModel:
+        """The controller's own model of the arm."""
+
+    @property
+    def dt(self) -> float:
+        """Control period [s]."""
+
+    def init(self) -> StateT:
+        """Return the state before the first tick."""
+
+    def step(
+        self, state: StateT, q: ArrayLike, v: ArrayLike, reference: Reference, tau_ext: ArrayLike
+    ) -> tuple[ControllerOutput, StateT]:
+        """Return the output of one tick and the next state."""
+
+    def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
+        """Return e_im of the paper's eq. (5), given the acceleration a that the tick's torque led to."""
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class ImpedanceController:
+    """Super-twisting terminal sliding-mode impedance controller for n joints.
+
+    The law (paper, eq. 8), with a = a_r + feedforward + u:
+
+        tau = RNEA(q, v, a) - tau_ext                   [= -tau_ext + M(q)·a + bias(q, v)]
+
+    It makes the sliding variable obey ṡ = -u + w, with w what the model does not know, and so brings q to the
+    impedance reference q_r: the arm then moves as M_d, D_d, K_d demand under the measured tau_ext.
+
+    A controller is immutable. `step` is pure: the same arguments give the same, bit-equal answer.
+
+    Attributes:
+        arm: The controller's model of the arm.
+        impedance: Target impedance.
+        surface: Sliding surface.
+        reaching: Reaching law.
+        dt: Control period [s].
+        knowledge: "full"; or "mass" for the controller of the paper's section 4, which knows M(q) only.
+
+    Raises:
+        GainError: dt is not a positive number, or an unknown `knowledge`.
+        DimensionError: A gain is given for another number of joints.
+    """
+
+    arm: ArmModel
+    impedance: TargetImpedance
+    surface: Surface
+    reaching: SuperTwisting
+    dt: float
+    knowledge: Knowledge
+    _filter: TargetFilter
+
+    def __init__(
+        self,
+        arm: ArmModel,
+        impedance: TargetImpedance,
+        surface: Surface,
+        reaching: SuperTwisting,
+        dt: float,
+        *,
+        knowledge: Knowledge = "full",
+    ) -> None:
+        dt = positive_number("dt", dt, "control period in seconds")
+        if knowledge not in get_args(Knowledge):
+            raise GainError("knowledge", knowledge, '"full" or "mass"')
+        for owner in (surface, reaching):
+            for name, value in vars(owner).items():
+                if isinstance(value, np.ndarray):
+                    per_joint(f"{type(owner).__name__}.{name}", value, arm.nv)
+        set_fields(
+            self,
+            arm=arm,
+            impedance=impedance,
+            surface=surface,
+            reaching=reaching,
+            dt=dt,
+            knowledge=knowledge,
+            _filter=impedance.filter(arm.nv, dt),
+        )
+
+    def init(self) -> ControllerState:
+        """Return the state before the first tick: filter at rest, integral zero."""
+        zero = np.zeros(self.arm.nv)
+        zero.setflags(write=False)
+        return ControllerState(0, zero, zero, zero, zero, zero)
+
+    def step(
+        self,
+        state: ControllerState,
+        q: ArrayLike,
+        v: ArrayLike,
+        reference: Reference,
+        tau_ext: ArrayLike,
+    ) -> tuple[ControllerOutput, ControllerState]:
+        """Compute the torque of one tick.
+
+        Args:
+            state: From `init` or from the tick before.
+            q: Measured configuration, shape (nq,).
+            v: Measured velocity, shape (nv,) [rad/s or m/s].
+            reference: Desired motion at this tick.
+            tau_ext: Measured torque of the environment on the robot, shape (nv,) [N·m or N].
+
+        Returns:
+            The output, and the state for the next tick.
+
+        Raises:
+            DimensionError: Wrong shape or kind.
+            NonFiniteError: An input holds NaN or infinity.
+        """
+        arm = self.arm
+        q = arm.check_configuration("q", q)
+        v = vector("v", v, arm.nv)
+        q_d, v_d, a_d = check_reference(arm, reference)
+        tau_ext = vector("tau_ext", tau_ext, arm.nv)
+
+        a_e = self._filter.acceleration(state.q_e, state.v_e, tau_ext)  # eq. (3)
+        q_r = arm.unchecked.integrate(q_d, state.q_e)  # eq. (4)
+        v_r = v_d + state.v_e
+        a_r = a_d + a_e
+        e1 = arm.unchecked.difference(q, q_r)
+        e2 = v_r - v
+
+        s = self.surface.value(e1, e2)  # eq. (6)
+        reaching = self._reaching_state(state, s)
+        u, reaching = self.reaching.step(s, reaching, self.dt)
+        tau = self._torque(q, v, a_r + self.surface.feedforward(e1, e2) + u) - tau_ext  # eq. (8)
+
+        q_e, v_e = self._filter.advance(state.q_e, state.v_e, tau_ext)
+        output = ControllerOutput(
+            tau, q_r, v_r, a_r, e1, e2, s, u, state.q_e.copy(), state.v_e.copy()
+        )
+        return output, ControllerState(state.ticks + 1, q_e, v_e, *reaching)
+
+    def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
+        """Return e_im = M_d·(a_r - a) + D_d·e2 + K_d·e1 (paper, eq. 5), shape (nv,) [N·m or N].
+
+        It is the residual of the target impedance; for a nonlinear one see its filter's `error`.
+
+        Args:
+            output: Of the tick.
+            a: Acceleration under the tick's torque, measured or simulated, shape (nv,).
+        """
+        e1, e2, e3 = output.e1, output.e2, output.a_r - a
+        return self._filter.error(e1, e2, e3, output.q_e, output.v_e)
+
+    def _reaching_state(self, state: ControllerState, s: Array) -> ReachingState:
+        if state.ticks == 0:
+            return self.reaching.start(s)
+        return ReachingState(state.z, state.x, state.a)
+
+    def _torque(self, q: Array, v: Array, a: Array) -> Array:
+        """M a + bias by one RNEA, or M a where only the mass matrix is known."""
+        if self.knowledge == "full":
+            return self.arm.unchecked.inverse_dynamics(q, v, a)
+        torque: Array = self.arm.unchecked.mass_matrix(q) @ a
+        return torque
+
+
+def check_reference(arm: ArmModel, reference: Reference) -> Reference:
+    """Return the reference as checked float64 vectors.
+
+    Raises:
+        DimensionError: Not a triple (q, v, a), or one of wrong shape or kind.
+        NonFiniteError: It holds NaN or infinity.
+    """
+    try:
+        q, v, a = reference
+    except (TypeError, ValueError):
+        actual = f"{type(reference).__name__}"
+        raise DimensionError("reference", "a Reference(q, v, a)", actual) from None
+    return Reference(
+        arm.check_configuration("reference.q", q),
+        vector("reference.v", v, arm.nv),
+        vector("reference.a", a, arm.nv),
+    )
