@@ -1,0 +1,124 @@
+"""What the environment does to the arm: every `Interaction` gives the joint torque tau_ext that it exerts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol, TypeAlias, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._arrays import Array, vector
+from .dynamics import ArmModel
+from .exceptions import GainError
+
+TimeFunction: TypeAlias = Callable[[float], ArrayLike]
+"""Maps a time [s] to a vector."""
+
+
+@runtime_checkable
+class Interaction(Protocol):
+    """Anything that pushes on the arm."""
+
+    def torque(self, arm: ArmModel, t: float, q: Array, v: Array) -> Array:
+        """Return tau_ext, shape (nv,) [N·m or N].
+
+        Args:
+            arm: The arm that is pushed.
+            t: Time [s].
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+        """
+
+
+class FrameWrench:
+    """A wrench on a named frame, constant or as a function of time: tau_ext = Jᵀ(q) w(t).
+
+    Args:
+        wrench: Force [N] and moment [N·m] at the frame's origin, shape (6,), or a function of time that gives them.
+        frame: Name of the frame; the arm's tool frame by default.
+        expressed_in: Axes of the wrench: "world", or "local" for the frame's own axes.
+
+    Raises:
+        DimensionError: A constant wrench that is not a vector of six numbers.
+        NonFiniteError: A constant wrench that holds NaN or infinity.
+        GainError: `expressed_in` is neither "world" nor "local".
+    """
+
+    def __init__(
+        self,
+        wrench: ArrayLike | TimeFunction,
+        frame: str | None = None,
+        expressed_in: str = "world",
+    ) -> None:
+        if expressed_in not in ("world", "local"):
+            raise GainError("expressed_in", expressed_in, '"world" or "local"')
+        self._wrench = _as_function("wrench", wrench, 6, "force, moment")
+        self.frame = frame
+        self.expressed_in = expressed_in
+
+    def torque(self, arm: ArmModel, t: float, q: Array, v: Array) -> Array:
+        """Return Jᵀ(q) w(t); see `Interaction.torque`."""
+        del v
+        return arm.external_torque(q, self._wrench(t), self.frame, self.expressed_in)
+
+
+class JointTorque:
+    """A torque on the joints themselves, constant or as a function of time.
+
+    Args:
+        torque: Shape (nv,) [N·m or N], or a function of time that gives it.
+
+    Raises:
+        DimensionError: A constant torque that is not a vector of numbers.
+        NonFiniteError: A constant torque that holds NaN or infinity.
+    """
+
+    def __init__(self, torque: ArrayLike | TimeFunction) -> None:
+        self._torque = _as_function("torque", torque, None, "nv")
+
+    def torque(self, arm: ArmModel, t: float, q: Array, v: Array) -> Array:
+        """Return the torque at time t; see `Interaction.torque`."""
+        del q, v
+        return vector("torque", self._torque(t), arm.nv).copy()
+
+
+class Nothing:
+    """No environment: the arm moves freely."""
+
+    def torque(self, arm: ArmModel, t: float, q: Array, v: Array) -> Array:
+        """Return zeros; see `Interaction.torque`."""
+        del t, q, v
+        return np.zeros(arm.nv)
+
+
+def as_interaction(wrench: Interaction | ArrayLike | TimeFunction | None) -> Interaction:
+    """Return what `simulate` means by its `wrench` argument.
+
+    Args:
+        wrench: An `Interaction`; None for free motion; a wrench (6,), or a function of time that gives one, at the
+            tool frame in world axes.
+
+    Raises:
+        DimensionError: None of these.
+        NonFiniteError: A constant wrench that holds NaN or infinity.
+    """
+    if wrench is None:
+        return Nothing()
+    if isinstance(wrench, Interaction):
+        return wrench
+    return FrameWrench(wrench)
+
+
+def _as_function(
+    name: str, value: ArrayLike | TimeFunction, size: int | None, symbol: str
+) -> TimeFunction:
+    if callable(value):
+        return value
+    constant = vector(name, value, size, symbol).copy()
+
+    def held(t: float) -> Array:
+        del t
+        return constant
+
+    return held

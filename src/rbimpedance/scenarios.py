@@ -1,0 +1,127 @@
+"""Ready experiments: section 4 of the paper."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from ._arrays import Array
+from .controller import Controller, ImpedanceController, Knowledge
+from .dynamics import ArmModel
+from .exceptions import GainError
+from .impedance import Impedance
+from .integrators import Integrator
+from .interaction import FrameWrench, Interaction
+from .result import SimulationResult
+from .robots import load_robot
+from .simulation import simulate
+from .super_twisting import Scheme, SuperTwisting
+from .surfaces import FastTerminalSurface, NonsingularTerminalSurface, PowerSurface, Surface
+from .trajectories import Trajectory, cosine
+
+SurfaceName = Literal["power", "fast-terminal", "nonsingular-terminal"]
+"""The surfaces by name, at the gains of docs/theory.md."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scenario:
+    """A controller, a plant, and what they are put through.
+
+    Attributes:
+        controller: The controller with its own model.
+        plant: The simulated arm.
+        trajectory: Desired motion.
+        wrench: Environment.
+        q0: Initial configuration, shape (nq,).
+        duration: Length [s].
+        substeps: Physics steps per control period.
+        integrator: Of the plant.
+    """
+
+    controller: Controller[Any]
+    plant: ArmModel
+    trajectory: Trajectory
+    wrench: Interaction
+    q0: Array
+    duration: float
+    substeps: int = 4
+    integrator: Integrator = "semi-implicit"
+
+    def simulate(self, *, on_tick: Callable[[int, int], None] | None = None) -> SimulationResult:
+        """Run it; see `rbimpedance.simulate`."""
+        return simulate(
+            self.controller,
+            self.plant,
+            self.trajectory,
+            wrench=self.wrench,
+            q0=self.q0,
+            duration=self.duration,
+            substeps=self.substeps,
+            integrator=self.integrator,
+            on_tick=on_tick,
+        )
+
+
+def paper(
+    *,
+    known: Knowledge = "mass",
+    surface: SurfaceName = "power",
+    scheme: Scheme = "explicit",
+    dt: float = 1e-3,
+    duration: float = 10.0,
+    substeps: int = 4,
+) -> Scenario:
+    """Return section 4 of the paper on `urdf/two_link.urdf`, or a variation of it.
+
+    Args:
+        known: "mass", as in the paper (f ≡ 0: gravity, Coriolis and friction are disturbance), or "full".
+        surface: "power" (the paper's), "fast-terminal" or "nonsingular-terminal".
+        scheme: "explicit" (the paper's law as sampled), "matched" or "implicit".
+        dt: Control period [s].
+        duration: Length [s].
+        substeps: Physics steps per control period.
+
+    Raises:
+        GainError: An unknown name, or a period or duration that cannot be.
+    """
+    arm = load_robot("two_link")
+    controller = ImpedanceController(
+        arm,
+        impedance=Impedance(mass=1.0, damping=10.0, stiffness=20.0),
+        surface=paper_surface(surface),
+        reaching=SuperTwisting(k1=8.0, k2=10.0, scheme=scheme),
+        dt=dt,
+        knowledge=known,
+    )
+    return Scenario(
+        controller=controller,
+        plant=arm,
+        trajectory=cosine(arm, center=0.5, amplitude=0.2, period=6.0),
+        wrench=FrameWrench(_paper_force),
+        q0=np.zeros(2),
+        duration=duration,
+        substeps=substeps,
+    )
+
+
+def paper_surface(name: SurfaceName) -> Surface:
+    """Return a surface by name, with the gains that the paper's scenario uses.
+
+    Raises:
+        GainError: An unknown name.
+    """
+    if name == "power":
+        return PowerSurface(gamma=3.0, exponent=5.0 / 3.0)
+    if name == "fast-terminal":
+        return FastTerminalSurface(rate=2.0, gamma=3.0, exponent=0.6, smoothing=1e-3)
+    if name == "nonsingular-terminal":
+        return NonsingularTerminalSurface(beta=3.0, exponent=5.0 / 3.0)
+    raise GainError("surface", name, '"power", "fast-terminal" or "nonsingular-terminal"')
+
+
+def _paper_force(t: float) -> Array:
+    """f_e = [5 sin 0.2t, 5 cos 0.2t] N in the arm's plane, the world's x-z plane, as a wrench."""
+    return np.array([5.0 * np.sin(0.2 * t), 0.0, 5.0 * np.cos(0.2 * t), 0.0, 0.0, 0.0])
