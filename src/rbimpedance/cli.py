@@ -1,0 +1,315 @@
+"""The command line: `rbimpedance paper`, `run` and `inspect`.
+
+Exit codes: 0 done, 1 the run failed (it diverged), 2 bad input.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from matplotlib.figure import Figure
+
+from . import __version__, plotting
+from ._arrays import Array
+from ._report import comparison_figures, comparison_table, result_figures, result_table
+from ._terminal import number, print_json, print_table, progress, stderr, stdout, table
+from .controller import ImpedanceController, Knowledge
+from .dynamics import ArmModel
+from .exceptions import DivergenceError, GainError, RBImpedanceError
+from .impedance import Impedance
+from .integrators import Integrator
+from .interaction import FrameWrench
+from .result import SimulationResult
+from .robots import load_robot
+from .scenarios import Scenario, SurfaceName, paper, paper_comparison, paper_surface
+from .super_twisting import Scheme, SuperTwisting
+from .trajectories import cosine
+
+app = typer.Typer(
+    help="Robust impedance control of any URDF arm.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+Robot = Annotated[
+    str,
+    typer.Argument(
+        metavar="ROBOT",
+        help="URDF or xacro path, bundled name (two_link), example-robot-data or robot_descriptions "
+        "name, or - for URDF text on stdin.",
+    ),
+]
+Lock = Annotated[
+    list[str] | None, typer.Option("--lock", metavar="JOINT", help="Freeze a joint; repeatable.")
+]
+ToolFrame = Annotated[
+    str | None, typer.Option("--tool-frame", metavar="FRAME", help="Default: the deepest leaf.")
+]
+Armature = Annotated[
+    str | None,
+    typer.Option("--armature", metavar="A[,A...]", help="Reflected rotor inertia [kg m^2]."),
+]
+Gravity = Annotated[
+    str | None, typer.Option("--gravity", metavar="X,Y,Z", help="Gravity in world axes [m/s^2].")
+]
+PackageDir = Annotated[
+    list[Path] | None,
+    typer.Option("--package-dir", metavar="DIR", help="Where package:// resolves; repeatable."),
+]
+Known = Annotated[Knowledge, typer.Option("--known", help="What the controller knows of the arm.")]
+Surface = Annotated[SurfaceName, typer.Option("--surface", help="Sliding surface.")]
+SchemeName = Annotated[Scheme, typer.Option("--scheme", help="Discretisation of the law.")]
+Period = Annotated[float, typer.Option("--dt", metavar="S", help="Control period [s].")]
+Duration = Annotated[float, typer.Option("--duration", metavar="S", help="Length of the run [s].")]
+Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="No progress bar and no table.")]
+
+
+@app.command(
+    name="paper",
+    epilog="Example: rbimpedance paper --surface fast-terminal --scheme matched --out out",
+)
+def paper_command(
+    known: Known = "mass",
+    surface: Surface = "power",
+    scheme: SchemeName = "explicit",
+    dt: Period = 1e-3,
+    duration: Duration = 10.0,
+    out: Out = Path("out"),
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Reproduce section 4 of the paper: figures 2 to 4, the data, and every mend and baseline beside it."""
+    scenario = paper(known=known, surface=surface, scheme=scheme, dt=dt, duration=duration)
+    figures = {
+        "fig2_errors": plotting.tracking_errors,
+        "fig3_impedance_error": plotting.impedance_error,
+        "fig4_torque": plotting.torques,
+    }
+    result, files = _simulate(scenario, out, "paper", figures, quiet=quiet or as_json)
+    compared = _compare(dt, duration, quiet=quiet or as_json)
+    files.append(plotting.save(plotting.comparison(compared), out / "comparison.png"))
+    title = f"two_link, {known} known, {surface} surface, {scheme} scheme, dt = {dt:g} s"
+    if as_json:
+        said = {"title": title, "joints": result.joint_names, "metrics": result_figures(result)}
+        print_json(said | {"comparison": comparison_figures(compared)})
+        return
+    if not quiet:
+        print_table(result_table(title, result))
+        print_table(
+            comparison_table("The same with each mend, and the baselines; mass known", compared)
+        )
+    _say_written(files)
+
+
+@app.command(epilog="Example: rbimpedance run panda --payload 2 --duration 5 --out out/")
+def run(
+    robot: Robot,
+    payload: Annotated[
+        float,
+        typer.Option("--payload", metavar="KG", help="At the tool, unknown to the controller."),
+    ] = 0.0,
+    wrench: Annotated[
+        str | None,
+        typer.Option("--wrench", metavar="FX,FY,FZ", help="Force on the tool in world axes [N]."),
+    ] = None,
+    amplitude: Annotated[
+        float, typer.Option("--amplitude", help="Of the cosine reference [rad or m].")
+    ] = 0.2,
+    period: Annotated[float, typer.Option("--period", help="Of the cosine reference [s].")] = 6.0,
+    mass: Annotated[str, typer.Option("--mass", metavar="M[,M...]", help="M_d.")] = "1",
+    damping: Annotated[str, typer.Option("--damping", metavar="D[,D...]", help="D_d.")] = "10",
+    stiffness: Annotated[str, typer.Option("--stiffness", metavar="K[,K...]", help="K_d.")] = "20",
+    k1: Annotated[str, typer.Option("--k1", metavar="K[,K...]", help="Gain k1.")] = "8",
+    k2: Annotated[str, typer.Option("--k2", metavar="K[,K...]", help="Gain k2.")] = "10",
+    surface: Surface = "fast-terminal",
+    scheme: SchemeName = "matched",
+    known: Known = "full",
+    dt: Period = 1e-3,
+    duration: Duration = 5.0,
+    substeps: Annotated[int, typer.Option("--substeps", help="Physics steps per period.")] = 4,
+    integrator: Annotated[Integrator, typer.Option("--integrator")] = "semi-implicit",
+    lock: Lock = None,
+    tool_frame: ToolFrame = None,
+    armature: Armature = None,
+    gravity: Gravity = None,
+    package_dir: PackageDir = None,
+    out: Out = Path("out"),
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Simulate the controller on any robot, which follows a cosine about its neutral configuration."""
+    arm = _load(robot, lock, tool_frame, armature, gravity, package_dir)
+    controller = ImpedanceController(
+        arm,
+        impedance=Impedance(
+            mass=_numbers("--mass", mass),
+            damping=_numbers("--damping", damping),
+            stiffness=_numbers("--stiffness", stiffness),
+        ),
+        surface=paper_surface(surface),
+        reaching=SuperTwisting(_numbers("--k1", k1), _numbers("--k2", k2), scheme),
+        dt=dt,
+        knowledge=known,
+    )
+    force = np.zeros(3) if wrench is None else _numbers("--wrench", wrench, 3)
+    scenario = Scenario(
+        controller=controller,
+        plant=arm.with_payload(payload) if payload else arm,
+        trajectory=cosine(arm, amplitude=amplitude, period=period),
+        wrench=FrameWrench(np.concatenate([force, np.zeros(3)])),
+        q0=arm.neutral,
+        duration=duration,
+        substeps=substeps,
+        integrator=integrator,
+    )
+    figures = {
+        "errors": plotting.tracking_errors,
+        "impedance_error": plotting.impedance_error,
+        "torque": plotting.torques,
+    }
+    result, files = _simulate(scenario, out, "result", figures, quiet=quiet or as_json)
+    title = f"{arm.name}, payload {payload:g} kg, {surface} surface, {scheme} scheme, dt = {dt:g} s"
+    if as_json:
+        said = {"title": title, "joints": result.joint_names, "metrics": result_figures(result)}
+        print_json(said)
+        return
+    if not quiet:
+        print_table(result_table(title, result))
+    _say_written(files)
+
+
+@app.command(epilog="Example: rbimpedance inspect ur5")
+def inspect(
+    robot: Robot,
+    lock: Lock = None,
+    tool_frame: ToolFrame = None,
+    armature: Armature = None,
+    gravity: Gravity = None,
+    package_dir: PackageDir = None,
+    as_json: Json = False,
+) -> None:
+    """Show what a robot's description says: joints, limits, friction, frames, and what is odd about it."""
+    arm = _load(robot, lock, tool_frame, armature, gravity, package_dir)
+    M = arm.mass_matrix(arm.neutral)
+    if as_json:
+        print_json({name: getattr(arm, name) for name in _INSPECTED})
+        return
+    limits = (*arm.joint_limits(), arm.velocity_limit, arm.effort_limit)
+    columns = (*limits, arm.viscous, arm.coulomb, arm.armature, np.diag(M))
+    rows = [
+        [name, *(number(float(column[i])) for column in columns)]
+        for i, name in enumerate(arm.joint_names)
+    ]
+    header = ("joint", "lower", "upper", "speed", "effort", "viscous", "Coulomb", "armature")
+    title = f"{arm.name}: nq = {arm.nq}, nv = {arm.nv}, tool frame '{arm.tool_frame}'"
+    print_table(table(title, (*header, "M(neutral)"), rows))
+    stdout.print("SI units; – means: not given, or no limit", style="dim")
+    for note in arm.notes:
+        stdout.print(f"note: {note}", soft_wrap=True, markup=False)
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version and leave.")
+    ] = False,
+) -> None:
+    if version:
+        print(f"rbimpedance {__version__}")
+        raise typer.Exit
+
+
+def main() -> None:
+    """Run the command line; every expected failure becomes a message and an exit code."""
+    try:
+        app()
+    except DivergenceError as error:
+        stderr.print(f"failed: {error}", soft_wrap=True, markup=False)
+        sys.exit(1)
+    except RBImpedanceError as error:
+        stderr.print(f"error: {error}", soft_wrap=True, markup=False)
+        sys.exit(2)
+
+
+def _load(
+    robot: str,
+    lock: list[str] | None,
+    tool_frame: str | None,
+    armature: str | None,
+    gravity: str | None,
+    package_dir: list[Path] | None,
+) -> ArmModel:
+    return load_robot(
+        sys.stdin.read() if robot == "-" else robot,
+        lock=tuple(lock or ()),
+        tool_frame=tool_frame,
+        armature=None if armature is None else _numbers("--armature", armature),
+        gravity=None if gravity is None else _numbers("--gravity", gravity, 3),
+        package_dirs=tuple(package_dir or ()),
+    )
+
+
+def _numbers(option: str, text: str, count: int | None = None) -> Array:
+    """Read "1" or "1,2,3"; a single number stays a scalar unless a count is asked for."""
+    wanted = (
+        "a number or numbers separated by commas" if count is None else f"{count} numbers, a,b,c"
+    )
+    try:
+        values = np.array([float(part) for part in text.split(",")])
+    except ValueError as error:
+        raise GainError(option, text, wanted) from error
+    if count is not None and len(values) != count:
+        raise GainError(option, text, wanted)
+    return values if count is not None or len(values) > 1 else values[0]
+
+
+def _simulate(
+    scenario: Scenario,
+    out: Path,
+    name: str,
+    figures: Mapping[str, Callable[[SimulationResult], Figure]],
+    *,
+    quiet: bool,
+) -> tuple[SimulationResult, list[Path]]:
+    """Run a scenario and write its data and figures, those of a diverged run too."""
+    out.mkdir(parents=True, exist_ok=True)
+    try:
+        with progress(f"simulating {scenario.plant.name}", quiet=quiet) as on_tick:
+            result = scenario.simulate(on_tick=on_tick)
+    except DivergenceError as error:
+        path = error.result.save(out / f"{name}.npz")
+        stderr.print(f"the run until it diverged is in {path}", soft_wrap=True, markup=False)
+        raise
+    files = [plotting.save(draw(result), out / f"{stem}.png") for stem, draw in figures.items()]
+    return result, [*files, result.save(out / f"{name}.npz")]
+
+
+def _compare(dt: float, duration: float, *, quiet: bool) -> dict[str, SimulationResult]:
+    """Run every law of `paper_comparison`; one that diverges is compared by what it did until then."""
+    results: dict[str, SimulationResult] = {}
+    for name, scenario in paper_comparison(dt=dt, duration=duration).items():
+        with progress(name, quiet=quiet) as on_tick:
+            try:
+                results[name] = scenario.simulate(on_tick=on_tick)
+            except DivergenceError as error:
+                results[f"{name} (diverged)"] = error.result
+    return results
+
+
+def _say_written(files: list[Path]) -> None:
+    stdout.print("written: " + ", ".join(str(path) for path in files), soft_wrap=True, markup=False)
+
+
+_INSPECTED = (
+    *("name", "nq", "nv", "joint_names", "tool_frame", "frame_names", "neutral", "lower", "upper"),
+    *("effort_limit", "velocity_limit", "viscous", "coulomb", "armature", "notes"),
+)

@@ -1,0 +1,137 @@
+"""Figures of results, in one style; every function returns a matplotlib `Figure` and opens no window."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from cycler import cycler
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ._arrays import Array
+from .result import SimulationResult
+
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+"""Okabe and Ito's palette: told apart with every kind of colour vision."""
+
+_STYLE: Any = {
+    "axes.grid": True,
+    "axes.prop_cycle": cycler(linestyle=["-", "--", ":"]) * cycler(color=list(COLORS)),
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "figure.constrained_layout.use": True,
+    "figure.dpi": 150,
+    "font.size": 9.0,
+    "grid.alpha": 0.3,
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+}
+
+
+def tracking_errors(result: SimulationResult) -> Figure:
+    """Errors e1 and e2 over time (the paper's figure 2)."""
+    with _figure(rows=2) as (figure, axes):
+        _channels(axes[0], result, result.e1, "$e_1$ [rad]")
+        _channels(axes[1], result, result.e2, "$e_2$ [rad/s]")
+    return figure
+
+
+def impedance_error(result: SimulationResult) -> Figure:
+    """Impedance error e_im over time (the paper's figure 3)."""
+    with _figure(rows=1) as (figure, axes):
+        _channels(axes[0], result, result.e_im, r"$e_{im}$ [N$\cdot$m]")
+    return figure
+
+
+def torques(result: SimulationResult) -> Figure:
+    """Motor torque over time (the paper's figure 4)."""
+    with _figure(rows=1) as (figure, axes):
+        _channels(axes[0], result, result.tau, r"$\tau$ [N$\cdot$m]")
+    return figure
+
+
+def comparison(results: Mapping[str, SimulationResult]) -> Figure:
+    """Errors on a log scale and the torque's variation, for several controllers under the same conditions.
+
+    Args:
+        results: Results of equal length by name, in the order of the legend.
+
+    Returns:
+        Three panels: largest abs(e1) and abs(e_im) of any joint over time, and the total variation per second of the
+        first joint's torque over the second half of the run.
+    """
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(10.0, 6.2))
+        panels = figure.subplot_mosaic([["e1", "tau"], ["e_im", "tau"]], width_ratios=(1.6, 1.0))
+        upper, lower, bars = panels["e1"], panels["e_im"], panels["tau"]
+        upper.sharex(lower)
+        upper.tick_params(labelbottom=False)
+        for name, result in results.items():
+            upper.semilogy(result.t, np.abs(result.e1).max(axis=1), label=name)
+            lower.semilogy(result.t, np.abs(result.e_im).max(axis=1))
+        upper.set_ylabel(r"largest $|e_1|$ [rad]")
+        lower.set_ylabel(r"largest $|e_{im}|$ [N$\cdot$m]")
+        lower.set_xlabel("time [s]")
+        lower.margins(x=0.0)
+        _variation_bars(bars, results)
+    return figure
+
+
+def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
+    """Write a figure; the ending of the name chooses the format (.png, .pdf, .svg).
+
+    Args:
+        figure: The figure.
+        path: Where to.
+
+    Returns:
+        The path that was written.
+    """
+    figure.savefig(path)
+    return Path(path)
+
+
+def _variation_bars(axes: Axes, results: Mapping[str, SimulationResult]) -> None:
+    """One horizontal bar per result, in the colour and line style of its curve."""
+    styles = mpl.rcParams["axes.prop_cycle"]
+    for i, (result, style) in enumerate(zip(results.values(), styles, strict=False)):
+        variation = result.metrics(after=result.t[-1] / 2.0)["tau_variation"][0]
+        line = {"color": style["color"], "linestyle": style["linestyle"]}
+        axes.plot(
+            [1e-2, variation], [i, i], linewidth=4.0 if style["linestyle"] == "-" else 2.0, **line
+        )
+        axes.annotate(f" {variation:.3g}", (variation, i), va="center", fontsize=7.5)
+    axes.set_xscale("log")
+    axes.set_xlim(left=1e-1)
+    axes.margins(x=0.25)
+    axes.set_yticks(range(len(results)), list(results), fontsize=8.0)
+    axes.invert_yaxis()
+    axes.grid(visible=False, axis="y")
+    axes.set_xlabel(r"variation of $\tau_1$, second half [N$\cdot$m/s]")
+
+
+@contextmanager
+def _figure(
+    rows: int, width: float = 5.0, height: float = 2.2
+) -> Iterator[tuple[Figure, list[Axes]]]:
+    """A figure of panels above each other that share the time axis."""
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(width, height * rows))
+        axes = np.atleast_1d(figure.subplots(rows, 1, sharex=True)).tolist()
+        yield figure, axes
+        axes[-1].set_xlabel("time [s]")
+
+
+def _channels(axes: Axes, result: SimulationResult, values: Array, label: str) -> None:
+    """One line per joint, with a legend beside the axes."""
+    for name, line in zip(result.joint_names, values.T, strict=True):
+        axes.plot(result.t, line, label=name)
+    axes.set_ylabel(label)
+    axes.margins(x=0.0)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7.5)
