@@ -1,0 +1,1 @@
+"""Truth from outside: closed forms that never import the package under test."""

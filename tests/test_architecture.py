@@ -1,0 +1,94 @@
+"""Dependencies run one way: the import statements of the package, held to the design's layers."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "src" / "rbimpedance"
+
+LAYERS: tuple[frozenset[str], ...] = (
+    frozenset({"exceptions", "_arrays", "_frozen", "_stderr", "_suggestions"}),
+    frozenset({"impedance", "finite_time", "_homogeneous", "surfaces", "super_twisting"}),
+    frozenset({"stability", "_certificate_words", "_lyapunov"}),
+    frozenset({"strict_xml", "urdf_document", "urdf_reader", "urdf_appearance", "robot_sources"}),
+    frozenset({"dynamics"}),
+    frozenset({"robots", "joint_selection", "soundness", "trajectories", "interaction"}),
+    frozenset({"controller", "limits", "baselines", "_baseline"}),
+    frozenset({"simulation", "integrators", "result", "observers"}),
+    frozenset({"scenarios", "tuning", "study"}),
+    frozenset({"plotting", "visualization", "cli", "_terminal", "__main__"}),
+)
+PURE = LAYERS[0] | LAYERS[1] | LAYERS[2]  # the mathematics: NumPy and SciPy only
+KNOW_PINOCCHIO = {"robots", "dynamics", "visualization"}
+HEAVY = ("matplotlib", "meshcat", "numba", "rich", "typer", "yourdfpy")
+
+
+def _imports(path: Path) -> set[str]:
+    """Dotted names of everything that a module imports, siblings as `rbimpedance.<module>`."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level:
+            names = [node.module] if node.module else [alias.name for alias in node.names]
+            found |= {f"rbimpedance.{name}" for name in names}
+        elif isinstance(node, ast.ImportFrom):
+            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return found
+
+
+IMPORTS = {path.stem: _imports(path) for path in sorted(PACKAGE.glob("*.py"))}
+MODULES = sorted(set(IMPORTS) - {"__init__"})
+
+
+def _siblings(module: str) -> set[str]:
+    names = {name.split(".")[1] for name in IMPORTS[module] if name.startswith("rbimpedance.")}
+    return names & set(IMPORTS)
+
+
+def _libraries(module: str) -> set[str]:
+    names = {name.split(".")[0] for name in IMPORTS[module]}
+    return names - set(sys.stdlib_module_names) - {"rbimpedance"}
+
+
+def _layer(module: str) -> int:
+    return next(i for i, layer in enumerate(LAYERS) if module in layer)
+
+
+def test_every_module_has_a_layer() -> None:
+    assert sorted(set(MODULES) - frozenset().union(*LAYERS)) == []
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_module_imports_nothing_from_a_layer_above_it(module: str) -> None:
+    assert [name for name in _siblings(module) if _layer(name) > _layer(module)] == []
+
+
+def test_imports_have_no_cycle() -> None:
+    TopologicalSorter({module: _siblings(module) for module in MODULES}).prepare()
+
+
+@pytest.mark.parametrize("module", sorted(PURE & set(MODULES)))
+def test_mathematics_needs_numpy_and_scipy_only(module: str) -> None:
+    assert _libraries(module) <= {"numpy", "scipy"}
+
+
+@pytest.mark.parametrize("module", sorted(set(MODULES) - KNOW_PINOCCHIO))
+def test_module_does_not_know_pinocchio(module: str) -> None:
+    assert "pinocchio" not in _libraries(module)
+
+
+def test_package_offers_no_leaf() -> None:
+    assert _siblings("__init__") & LAYERS[-1] == set()
+
+
+def test_importing_the_package_loads_no_heavy_library() -> None:
+    code = f"import sys, rbimpedance; print(*(set({HEAVY!r}) & set(sys.modules)))"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == ""
