@@ -1,0 +1,107 @@
+"""The strict XML parse: what it refuses before anything else sees the text."""
+
+from __future__ import annotations
+
+import pytest
+
+import rbimpedance as rbi
+from rbimpedance import strict_xml
+from rbimpedance.strict_xml import has_doctype, read_xml
+
+BOMB = """<?xml version="1.0"?><!DOCTYPE robot [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;">]>
+<robot name="&b;"/>"""
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        BOMB,
+        '<!DOCTYPE robot SYSTEM "file:///etc/passwd"><robot/>',
+        "<!-- a comment --> <?pi <!-- ?> <!DOCTYPE robot> <!-- --> <robot/>",
+        "\ufeff  <!DOCTYPE robot><robot/>",
+    ],
+)
+def test_doctype_is_refused_wherever_it_hides(text: str) -> None:
+    with pytest.raises(rbi.ModelError, match="the text declares a DOCTYPE"):
+        read_xml(text, "the text")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "<robot/>",
+        "<!-- <!DOCTYPE robot> --><robot/>",
+        "<?pi <!DOCTYPE robot> ?><robot/>",
+        "<robot><![CDATA[<!DOCTYPE robot>]]></robot>",
+        "<!-- never closed",
+        "",
+    ],
+)
+def test_mention_of_a_doctype_is_none(text: str) -> None:
+    assert not has_doctype(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "<robot>", "<robot></link>", '<robot name="a" name="b"/>', "<a/><b/>", "&nbsp;", "\0"],
+)
+def test_text_that_is_no_xml_is_refused(text: str) -> None:
+    with pytest.raises(rbi.ModelError, match="the text is not well-formed XML"):
+        read_xml(text, "the text")
+
+
+def test_lone_surrogate_is_refused() -> None:
+    with pytest.raises(rbi.ModelError, match="not well-formed"):
+        read_xml('<robot name="\ud800"/>', "the text")
+
+
+def test_undeclared_entity_is_refused() -> None:
+    with pytest.raises(rbi.ModelError, match="not well-formed"):
+        read_xml("<robot>&xxe;</robot>", "the text")
+
+
+def test_depth_is_bounded() -> None:
+    depth = strict_xml.MAX_DEPTH
+    read_xml("<a>" * depth + "</a>" * depth, "the text")
+    with pytest.raises(rbi.ModelError, match=f"deeper than {depth}"):
+        read_xml("<a>" * (depth + 1) + "</a>" * (depth + 1), "the text")
+
+
+def test_nesting_beyond_the_parser_is_refused_too() -> None:
+    with pytest.raises(rbi.ModelError):
+        read_xml("<a>" * 100_000 + "</a>" * 100_000, "the text")
+
+
+def test_size_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(strict_xml, "MAX_CHARACTERS", 100)
+    read_xml("<a>" + "x" * 93 + "</a>", "the text")
+    with pytest.raises(rbi.ModelError, match="more than 100 characters"):
+        read_xml("<a>" + "x" * 94 + "</a>", "the text")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="a"/></robot>',
+        '<robot xmlns:x="http://ros.org/wiki/xacro"><x:macro/></robot>',
+        '<robot><xacro:include filename="a"/></robot>',
+        '<robot><mass value="${2*m}"/></robot>',
+        '<robot><mesh filename="$(find pkg)/a.stl"/></robot>',
+        "<robot><name>${name}</name></robot>",
+    ],
+)
+def test_xacro_that_is_not_expanded_is_named(text: str) -> None:
+    with pytest.raises(
+        rbi.ModelError, match=r"xacro that has not been expanded.*xacro file\.xacro >"
+    ):
+        read_xml(text, "the text")
+
+
+def test_xacro_namespace_and_comments_alone_are_no_fault() -> None:
+    text = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><!-- ${left} --></robot>'
+    assert read_xml(text, "the text").tag == "robot"
+
+
+def test_declared_encoding_does_not_matter_for_text() -> None:
+    text = '<?xml version="1.0" encoding="UTF-16"?><robot name="ä"/>'
+    assert read_xml(text, "the text").get("name") == "ä"
