@@ -1,0 +1,182 @@
+"""What the baselines share: the impedance filter, the errors, the checks and the figures."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._arrays import Array, positive_number, vector
+from ._frozen import set_fields
+from .controller import ControllerOutput, Knowledge, check_reference
+from .dynamics import ArmModel, PinocchioDynamics
+from .exceptions import GainError
+from .impedance import TargetFilter, TargetImpedance
+from .trajectories import Reference
+
+
+class BaselineState(NamedTuple):
+    """What a baseline remembers: the impedance filter alone.
+
+    Attributes:
+        q_e: Position of the impedance filter at this tick, shape (nv,) [rad or m].
+        v_e: Its velocity, shape (nv,) [rad/s or m/s].
+    """
+
+    q_e: Array
+    v_e: Array
+
+
+class Tick(NamedTuple):
+    """The checked inputs of a tick, and its reference and errors."""
+
+    q: Array
+    v: Array
+    desired: Reference
+    tau_ext: Array
+    v_r: Array
+    a_r: Array
+    e1: Array
+    e2: Array
+
+
+class Answer(NamedTuple):
+    """What a law makes of a tick: torque, sliding variable, acceleration added to a_r."""
+
+    tau: Array
+    s: Array
+    u: Array
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Baseline(ABC):
+    """A control law around the impedance filter; children give `_law`."""
+
+    arm: ArmModel
+    impedance: TargetImpedance
+    dt: float
+    knowledge: Knowledge
+    _filter: TargetFilter
+
+    def __init__(
+        self,
+        arm: ArmModel,
+        impedance: TargetImpedance,
+        dt: float,
+        *,
+        knowledge: Knowledge = "full",
+    ) -> None:
+        dt = positive_number("dt", dt, "control period in seconds")
+        if knowledge not in get_args(Knowledge):
+            raise GainError("knowledge", knowledge, '"full" or "mass"')
+        set_fields(
+            self,
+            arm=arm,
+            impedance=impedance,
+            dt=dt,
+            knowledge=knowledge,
+            _filter=impedance.filter(arm.nv, dt),
+        )
+
+    @abstractmethod
+    def _law(self, tick: Tick) -> Answer:
+        """The control law."""
+
+    def init(self) -> BaselineState:
+        """Return the state before the first tick: filter at rest."""
+        zero = np.zeros(self.arm.nv)
+        zero.setflags(write=False)
+        return BaselineState(zero, zero)
+
+    def step(
+        self,
+        state: BaselineState,
+        q: ArrayLike,
+        v: ArrayLike,
+        reference: Reference,
+        tau_ext: ArrayLike,
+    ) -> tuple[ControllerOutput, BaselineState]:
+        """Compute the torque of one tick; see `ImpedanceController.step`.
+
+        Args:
+            state: From `init` or from the tick before.
+            q: Measured configuration, shape (nq,).
+            v: Measured velocity, shape (nv,) [rad/s or m/s].
+            reference: Desired motion at this tick.
+            tau_ext: Measured torque of the environment on the robot, shape (nv,) [N·m or N].
+
+        Returns:
+            The output, and the state for the next tick.
+
+        Raises:
+            DimensionError: Wrong shape or kind.
+            NonFiniteError: An input holds NaN or infinity.
+        """
+        arm, dynamics = self.arm, self.arm.unchecked
+        q, v = arm.check_configuration("q", q), vector("v", v, arm.nv)
+        desired = check_reference(arm, reference)
+        tau_ext = vector("tau_ext", tau_ext, arm.nv)
+
+        q_e, v_e = state
+        q_r, v_r = dynamics.integrate(desired.q, q_e), desired.v + v_e  # eq. (4)
+        a_r = desired.a + self._filter.acceleration(q_e, v_e, tau_ext)  # eq. (3)
+        e1, e2 = dynamics.difference(q, q_r), v_r - v
+        tau, s, u = self._law(Tick(q, v, desired, tau_ext, v_r, a_r, e1, e2))
+        none = np.zeros(arm.nv, dtype=np.bool_)
+        output = ControllerOutput(
+            tau, q_r, v_r, a_r, e1, e2, s, u, q_e.copy(), v_e.copy(), none, none.copy()
+        )
+        return output, BaselineState(*self._filter.advance(q_e, v_e, tau_ext))
+
+    def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
+        """Return e_im (paper, eq. 5), shape (nv,) [N·m or N]; see `ImpedanceController`.
+
+        Args:
+            output: Of the tick.
+            a: Acceleration under the tick's torque, measured or simulated, shape (nv,).
+        """
+        e1, e2, e3 = output.e1, output.e2, output.a_r - a
+        return self._filter.error(e1, e2, e3, output.q_e, output.v_e)
+
+    def _torque(self, q: Array, v: Array, a: Array) -> Array:
+        """M a + bias, or M a where only the mass matrix is known."""
+        if self.knowledge == "full":
+            return self.arm.unchecked.inverse_dynamics(q, v, a)
+        torque: Array = self.arm.unchecked.mass_matrix(q) @ a
+        return torque
+
+    def _passive_torque(self, q: Array, v: Array, v_ref: Array, a_ref: Array) -> Array:
+        """M a_ref + C(q, v) v_ref + g + friction(v), or M a_ref where only M is known."""
+        dynamics = self.arm.unchecked
+        torque: Array = dynamics.mass_matrix(q) @ a_ref
+        if self.knowledge == "mass":
+            return torque
+        gravity = dynamics.bias(q, np.zeros_like(v))
+        return torque + coriolis_torque(dynamics, q, v, v_ref) + gravity + dynamics.friction(v)
+
+    def _spring_damper(self, tick: Tick) -> Array:
+        """D_d(v_d - v) + K_d(q_d - q), or what takes their place in a nonlinear target."""
+        q_d, v_d, _ = tick.desired
+        position = self.arm.unchecked.difference(tick.q, q_d)
+        return self._filter.restoring_torque(position, v_d - tick.v)
+
+
+def coriolis_torque(dynamics: PinocchioDynamics, q: Array, v: Array, w: Array) -> Array:
+    """Return C(q, v) w with the C of the Christoffel symbols, shape (nv,) [N·m or N].
+
+    Only that C makes dM/dt - 2C skew-symmetric. It is symmetric in v and w, so that C(q, v) w is the
+    polar form of c(v) = C(q, v) v, [c(v + w) - c(v - w)]/4; gravity drops out of the difference.
+
+    Args:
+        dynamics: The arm's dynamics.
+        q: Configuration, shape (nq,).
+        v: Velocity, shape (nv,).
+        w: The vector that C multiplies, shape (nv,).
+    """
+    total = dynamics.bias(q, v + w) - dynamics.bias(q, v - w)
+    friction = dynamics.friction(v + w) - dynamics.friction(v - w)
+    torque: Array = (total - friction) / 4.0
+    return torque
