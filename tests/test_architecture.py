@@ -22,7 +22,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"controller", "limits", "baselines", "_baseline"}),
     frozenset({"simulation", "integrators", "result", "observers"}),
     frozenset({"scenarios", "tuning", "study"}),
-    frozenset({"plotting", "visualization", "cli", "_terminal", "__main__"}),
+    frozenset({"plotting", "visualization", "cli", "_report", "_terminal", "__main__"}),
 )
 PURE = LAYERS[0] | LAYERS[1] | LAYERS[2]  # the mathematics: NumPy and SciPy only
 KNOW_PINOCCHIO = {"robots", "dynamics", "visualization"}

@@ -74,6 +74,30 @@ class PinocchioDynamics:
             torque = torque - self.friction(v)
         return np.array(pin.aba(self.model, self._data, q, v, torque))
 
+    def damped_forward_dynamics(self, q: Array, v: Array, torque: Array, h: float) -> Array:
+        """The same with friction taken at the end of a step h, shape (nv,).
+
+        With D(v)·v = tau_f(v), friction at v + h·a is close to tau_f(v) + h·D·a, so that h·D joins the armature:
+        (M + h·D) a = torque - bias. The step takes energy out however stiff the friction is.
+        """
+        armature = self.model.armature.copy()
+        self.model.armature = armature + h * self._friction_slope(v)
+        a = self.forward_dynamics(q, v, torque)
+        self.model.armature = armature
+        return a
+
+    def friction_rate(self, q: Array) -> float:
+        """The fastest rate at which friction brings a joint to rest, max of (M⁻¹)ᵢᵢ·(d + tau_c/v_c) [1/s]."""
+        slope = self._friction_slope(np.zeros(self.model.nv))
+        return float((np.diag(np.linalg.inv(self.mass_matrix(q))) * slope).max())
+
+    def _friction_slope(self, v: Array) -> Array:
+        """D(v) = tau_f(v)/v, shape (nv,)."""
+        x = v / COULOMB_SMOOTHING
+        secant = np.divide(np.tanh(x), x, out=np.ones_like(x), where=np.abs(x) > 1e-8)
+        slope: Array = self._viscous + self._coulomb / COULOMB_SMOOTHING * secant
+        return slope
+
     def jacobian(self, q: Array, frame_id: int) -> Array:
         """Frame Jacobian in world axes at the frame's origin, linear rows first, shape (6, nv)."""
         return np.array(pin.computeFrameJacobian(self.model, self._data, q, frame_id, _WORLD_AXES))
@@ -109,16 +133,15 @@ class MimicDynamics(PinocchioDynamics):
     def mass_matrix(self, q: Array) -> Array:
         """M(q) from the torques of unit accelerations; see `PinocchioDynamics.mass_matrix`."""
         rest = np.zeros(self.model.nv)
-        columns = [
-            np.array(pin.rnea(self._weightless, self._data, q, rest, unit)) for unit in self._units
-        ]
-        M = np.array(columns)
+        M: Array = np.empty((self.model.nv, self.model.nv))
+        for i, unit in enumerate(self._units):
+            M[:, i] = pin.rnea(self._weightless, self._data, q, rest, unit)
         return (M + M.T) / 2.0
 
     def forward_dynamics(self, q: Array, v: Array, torque: Array) -> Array:
         """M⁻¹ (torque - bias); see `PinocchioDynamics.forward_dynamics`."""
-        a: Array = np.linalg.solve(self.mass_matrix(q), torque - self.bias(q, v))
-        return a
+        a = np.linalg.solve(self.mass_matrix(q), torque - self.bias(q, v))
+        return np.asarray(a, dtype=np.float64)
 
     def jacobian(self, q: Array, frame_id: int) -> Array:
         """The frame's velocities at unit joint velocities; see `PinocchioDynamics.jacobian`."""

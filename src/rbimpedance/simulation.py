@@ -20,6 +20,12 @@ from .trajectories import Trajectory
 SPEED_BOUND = 1e4
 """A joint faster than this has diverged [rad/s or m/s]."""
 
+STIFF_FRICTION = 0.5
+"""Share of a joint's speed that friction takes in a step, from which semi-implicit Euler takes it at the step's end."""
+
+RK4_STABILITY = 2.7
+"""Largest such share that the Runge-Kutta method bears."""
+
 
 def simulate(
     controller: Controller[Any],
@@ -100,10 +106,12 @@ class _ClosedLoop:
         self.substeps = substeps
         self.integrator = integrator
         self.advance = INTEGRATORS[integrator]
+        self.h = controller.dt / substeps
 
     def run(
         self, q: Array, v: Array, ticks: int, on_tick: Callable[[int, int], None] | None
     ) -> SimulationResult:
+        self.friction_is_stiff = self._friction_is_stiff(q)
         dt, log = self.controller.dt, _Log(ticks + 1, self.plant.nq, self.plant.nv)
         state = self.controller.init()
         for k in range(ticks + 1):
@@ -123,15 +131,32 @@ class _ClosedLoop:
         """Advance the plant by one control period under a held torque."""
 
         def acceleration(t: float, q: Array, v: Array) -> Array:
-            tau_ext = self.environment.torque(self.plant, t, q, v)
-            return self.dynamics.forward_dynamics(q, v, tau + tau_ext)
+            if not np.isfinite(q).all():  # a stage of a diverging step: ended by the check below
+                return np.full(self.plant.nv, np.nan)
+            torque = tau + self.environment.torque(self.plant, t, q, v)
+            if self.friction_is_stiff:
+                return self.dynamics.damped_forward_dynamics(q, v, torque, self.h)
+            return self.dynamics.forward_dynamics(q, v, torque)
 
-        h = self.controller.dt / self.substeps
+        h = self.h
         for i in range(self.substeps):
             t = k * self.controller.dt + i * h
-            q, v = self.advance(self.dynamics, acceleration, t, q, v, h)
+            with np.errstate(over="ignore", invalid="ignore"):
+                q, v = self.advance(self.dynamics, acceleration, t, q, v, h)
             self._check(k, v, log)
         return q, v
+
+    def _friction_is_stiff(self, q: Array) -> bool:
+        """Whether a step has to take friction at its end; the Runge-Kutta method cannot."""
+        stiffness = self.h * self.dynamics.friction_rate(q)
+        if self.integrator == "rk4" and stiffness > RK4_STABILITY:
+            needed = int(np.ceil(self.substeps * stiffness / RK4_STABILITY))
+            raise GainError(
+                "integrator",
+                "rk4",
+                f"'semi-implicit' for friction this stiff, or at least {needed} substeps",
+            )
+        return self.integrator == "semi-implicit" and stiffness > STIFF_FRICTION
 
     def _check(self, k: int, v: Array, log: _Log) -> None:
         speed = np.abs(v)
@@ -156,8 +181,9 @@ class _Log:
         widths = {"q": nq, "q_r": nq} | dict.fromkeys(
             ("v", "e1", "e2", "e_im", "s", "tau", "tau_ext"), nv
         )
-        self.channels: dict[str, Array] = {"t": np.empty(samples)}
+        self.channels: dict[str, Any] = {"t": np.empty(samples)}
         self.channels |= {name: np.empty((samples, width)) for name, width in widths.items()}
+        self.channels["saturated"] = np.empty((samples, nv), dtype=np.bool_)
 
     def write(
         self, k: int, t: float, q: Array, v: Array, output: Any, e_im: Array, tau_ext: Array
@@ -166,7 +192,7 @@ class _Log:
         channels["t"][k] = t
         channels["q"][k], channels["v"][k] = q, v
         channels["e_im"][k], channels["tau_ext"][k] = e_im, tau_ext
-        for name in ("q_r", "e1", "e2", "s", "tau"):
+        for name in ("q_r", "e1", "e2", "s", "tau", "saturated"):
             channels[name][k] = getattr(output, name)
 
 
