@@ -13,6 +13,7 @@ from ._frozen import set_fields
 from .dynamics import ArmModel
 from .exceptions import DimensionError, GainError
 from .impedance import TargetFilter, TargetImpedance
+from .limits import Allocation, BoolArray, Limits, as_limits
 from .super_twisting import ReachingState, SuperTwisting
 from .surfaces import Surface
 from .trajectories import Reference
@@ -45,16 +46,21 @@ class ControllerOutput(NamedTuple):
     """What a tick computed.
 
     Attributes:
-        tau: Motor torque, shape (nv,) [N·m or N].
+        tau: Motor torque, within the limits, shape (nv,) [N·m or N].
         q_r: Impedance reference q_d (+) q_e, shape (nq,).
         v_r: Its velocity, shape (nv,) [rad/s or m/s].
         a_r: Its acceleration, shape (nv,) [rad/s² or m/s²].
         e1: Position error q_r (-) q, shape (nv,) [rad or m].
         e2: Velocity error v_r - v, shape (nv,) [rad/s or m/s].
         s: Sliding variable, shape (nv,).
-        u: Reaching term, shape (nv,) [rad/s² or m/s²].
+        u: Reaching term that tau realises, by the controller's model, shape (nv,) [rad/s² or m/s²].
         q_e: Position of the impedance filter at this tick, shape (nv,) [rad or m].
         v_e: Its velocity, shape (nv,) [rad/s or m/s].
+        saturated: Whether the joint is at its torque limit, shape (nv,), bool.
+        guaranteed: Whether tau makes the joint's reaching law act in full, by the controller's model, shape (nv,),
+            bool: the one premise of Theorem 1 that a controller can see. It is False exactly where a limit withholds
+            acceleration. Where it turns True the theorem starts anew, from that tick's s and z; its other premise,
+            the bound on the disturbance's rate, stays the user's. Always False where no super-twisting law acts.
     """
 
     tau: Array
@@ -67,6 +73,8 @@ class ControllerOutput(NamedTuple):
     u: Array
     q_e: Array
     v_e: Array
+    saturated: BoolArray
+    guaranteed: BoolArray
 
 
 StateT = TypeVar("StateT")
@@ -99,7 +107,7 @@ class Controller(Protocol[StateT]):
 class ImpedanceController:
     """Super-twisting terminal sliding-mode impedance controller for n joints.
 
-    The law (paper, eq. 8), with a = a_r + feedforward + u:
+    The law (paper, eq. 8), with a = a_r + (feedforward + u)/hold_gain and hold_gain = 1 on the paper's surface:
 
         tau = RNEA(q, v, a) - tau_ext                   [= -tau_ext + M(q)·a + bias(q, v)]
 
@@ -115,10 +123,12 @@ class ImpedanceController:
         reaching: Reaching law.
         dt: Control period [s].
         knowledge: "full"; or "mass" for the controller of the paper's section 4, which knows M(q) only.
+        limits: `Limits`, or an array-like of torque limits; None for none. The arm's own `effort_limit` is not used
+            unless it is given here.
 
     Raises:
-        GainError: dt is not a positive number, or an unknown `knowledge`.
-        DimensionError: A gain is given for another number of joints.
+        GainError: dt is not a positive number, an unknown `knowledge`, or a limit that is not positive.
+        DimensionError: A gain or a limit is given for another number of joints.
     """
 
     arm: ArmModel
@@ -127,6 +137,7 @@ class ImpedanceController:
     reaching: SuperTwisting
     dt: float
     knowledge: Knowledge
+    limits: Limits | None
     _filter: TargetFilter
 
     def __init__(
@@ -138,12 +149,14 @@ class ImpedanceController:
         dt: float,
         *,
         knowledge: Knowledge = "full",
+        limits: Limits | ArrayLike | None = None,
     ) -> None:
         dt = positive_number("dt", dt, "control period in seconds")
         if knowledge not in get_args(Knowledge):
             raise GainError("knowledge", knowledge, '"full" or "mass"')
-        for owner in (surface, reaching):
-            for name, value in vars(owner).items():
+        limits = as_limits(limits)
+        for owner in (surface, reaching, limits):
+            for name, value in vars(owner).items() if owner is not None else ():
                 if isinstance(value, np.ndarray):
                     per_joint(f"{type(owner).__name__}.{name}", value, arm.nv)
         set_fields(
@@ -154,6 +167,7 @@ class ImpedanceController:
             reaching=reaching,
             dt=dt,
             knowledge=knowledge,
+            limits=limits,
             _filter=impedance.filter(arm.nv, dt),
         )
 
@@ -202,14 +216,29 @@ class ImpedanceController:
 
         s = self.surface.value(e1, e2)  # eq. (6)
         reaching = self._reaching_state(state, s)
-        u, reaching = self.reaching.step(s, reaching, self.dt)
-        tau = self._torque(q, v, a_r + self.surface.feedforward(e1, e2) + u) - tau_ext  # eq. (8)
+        u, following = self.reaching.step(s, reaching, self.dt)
+        gain = self.surface.hold_gain(e1, self.dt)
+        a = a_r + (self.surface.feedforward(e1, e2) + u) / gain
+        tau, saturated, lacking = self._allocate(q, self._torque(q, v, a) - tau_ext)  # eq. (8)
+        missing = gain * lacking
+        following = self.reaching.without_windup(reaching, following, missing, self.dt)
 
         q_e, v_e = self._filter.advance(state.q_e, state.v_e, tau_ext)
         output = ControllerOutput(
-            tau, q_r, v_r, a_r, e1, e2, s, u, state.q_e.copy(), state.v_e.copy()
+            tau,
+            q_r,
+            v_r,
+            a_r,
+            e1,
+            e2,
+            s,
+            u - missing,
+            state.q_e.copy(),
+            state.v_e.copy(),
+            saturated,
+            guaranteed=missing == 0.0,
         )
-        return output, ControllerState(state.ticks + 1, q_e, v_e, *reaching)
+        return output, ControllerState(state.ticks + 1, q_e, v_e, *following)
 
     def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
         """Return e_im = M_d·(a_r - a) + D_d·e2 + K_d·e1 (paper, eq. 5), shape (nv,) [N·m or N].
@@ -227,6 +256,11 @@ class ImpedanceController:
         if state.ticks == 0:
             return self.reaching.start(s)
         return ReachingState(state.z, state.x, state.a)
+
+    def _allocate(self, q: Array, tau: Array) -> Allocation:
+        if self.limits is None:
+            return Allocation(tau, np.zeros(tau.shape, dtype=np.bool_), np.zeros_like(tau))
+        return self.limits.allocate(tau, lambda: self.arm.unchecked.mass_matrix(q))
 
     def _torque(self, q: Array, v: Array, a: Array) -> Array:
         """M a + bias by one RNEA, or M a where only the mass matrix is known."""

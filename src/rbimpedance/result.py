@@ -17,6 +17,7 @@ import numpy as np
 
 from ._arrays import Array
 from .exceptions import GainError, ModelError
+from .limits import BoolArray
 
 SETTLING_TOLERANCES = (1e-2, 1e-3, 1e-4)
 """Errors whose settling times are reported [rad or m]."""
@@ -32,6 +33,7 @@ UNITS = {
     "s": "rad/s or m/s",
     "tau": "N·m or N",
     "tau_ext": "N·m or N",
+    "saturated": "bool",
 }
 """Unit of every channel."""
 
@@ -53,6 +55,7 @@ class SimulationResult:
         s: Sliding variable, shape (N, nv).
         tau: Motor torque held from t on, shape (N, nv) [N·m or N].
         tau_ext: Torque of the environment at t, shape (N, nv) [N·m or N].
+        saturated: Whether the joint is at its torque limit, shape (N, nv), bool.
         provenance: What produced it: versions, model names and digests, gains, periods.
     """
 
@@ -66,6 +69,7 @@ class SimulationResult:
     s: Array
     tau: Array
     tau_ext: Array
+    saturated: BoolArray
     provenance: Mapping[str, Any]
 
     @property
@@ -149,7 +153,7 @@ class SimulationResult:
             ModelError: The file is missing, damaged, or not a result of this library.
         """
         try:
-            with np.load(path, allow_pickle=False) as archive:
+            with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
                 header = json.loads(str(archive["header"]))
                 if header["format"] != _FORMAT:
                     raise ModelError(

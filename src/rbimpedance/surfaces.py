@@ -34,6 +34,9 @@ class Surface(Protocol):
         With ė2 = -(feedforward + u) the variable s obeys the reaching law.
         """
 
+    def hold_gain(self, e1: Array, dt: float) -> Array:
+        """Gain of s to an acceleration held for dt, relative to the continuous one; the law divides by it."""
+
     def sliding_time(self, e1: ArrayLike) -> Array:
         """Time that e1 needs on s = 0 until it has settled [s]; infinite if it never does."""
 
@@ -84,6 +87,16 @@ class PowerSurface:
         p = self.exponent
         rate: Array = self.gamma * p * np.abs(e1) ** (p - 1.0) * e2
         return rate
+
+    def hold_gain(self, e1: Array, dt: float) -> Array:
+        """1: the paper's law is kept as printed, and this surface is flat where e1 is small.
+
+        Args:
+            e1: Position error, shape (nv,).
+            dt: Control period [s].
+        """
+        del dt
+        return np.ones_like(e1)
 
     def sliding_time(self, e1: ArrayLike) -> Array:
         """Infinite, except from e1 = 0: this surface has no finite-time convergence.
@@ -169,14 +182,23 @@ class FastTerminalSurface:
             e1: Position error, shape (nv,).
             e2: Velocity error, shape (nv,).
         """
-        alpha, eps = self.exponent, self.smoothing
-        size = np.abs(e1)
-        inner = (2.0 - alpha) * eps ** (alpha - 1.0) + 2.0 * (alpha - 1.0) * eps ** (
-            alpha - 2.0
-        ) * np.minimum(size, eps)
-        slope = np.where(size <= eps, inner, alpha * np.maximum(size, eps) ** (alpha - 1.0))
-        rate: Array = (self.rate + self.gamma * slope) * e2
+        rate: Array = self._slope(e1) * e2
         return rate
+
+    def hold_gain(self, e1: Array, dt: float) -> Array:
+        """1 + c·dt/2 with the slope c = λ + γ·φ'(e1), shape (nv,).
+
+        An acceleration A held for dt changes e2 by -A·dt and e1 by e2·dt - A·dt²/2, hence s by
+        c·e2·dt - A·(1 + c·dt/2)·dt. With A = (feedforward + u)/(1 + c·dt/2) that is -u·dt, as the schemes assume.
+        Undivided, the gain is too high by 34 % at dt = 10 ms, λ = 2, γ = 3, α = 0.6 and ε = 1e-3, which the implicit
+        scheme does not bear.
+
+        Args:
+            e1: Position error, shape (nv,).
+            dt: Control period [s].
+        """
+        gain: Array = 1.0 + self._slope(e1) * dt / 2.0
+        return gain
 
     def sliding_time(self, e1: ArrayLike) -> Array:
         """Time on s = 0 until abs(e1) is at the smoothing radius ε, exact [s].
@@ -196,6 +218,17 @@ class FastTerminalSurface:
         start = np.abs(np.asarray(e1, dtype=np.float64))
         outer = self._power_time(np.maximum(tolerance, self.smoothing), start)
         return outer + self._inner_time(tolerance, np.minimum(start, self.smoothing))
+
+    def _slope(self, e1: Array) -> Array:
+        """λ + γ·φ'(e1)."""
+        alpha, eps = self.exponent, self.smoothing
+        size = np.abs(e1)
+        inner = (2.0 - alpha) * eps ** (alpha - 1.0) + 2.0 * (alpha - 1.0) * eps ** (
+            alpha - 2.0
+        ) * np.minimum(size, eps)
+        outer = alpha * np.maximum(size, eps) ** (alpha - 1.0)
+        slope: Array = self.rate + self.gamma * np.where(size <= eps, inner, outer)
+        return slope
 
     def _power_time(self, end: Array, start: Array) -> Array:
         """Time of ė1 = -λ·e1 - γ·sig(e1)^α from start to end; 0 if already there."""
@@ -262,6 +295,16 @@ class NonsingularTerminalSurface:
         """
         del e1
         return self.beta / self.exponent * sig(e2, 2.0 - self.exponent)
+
+    def hold_gain(self, e1: Array, dt: float) -> Array:
+        """1: here the gain of s depends on e2 and vanishes with it, and nothing may be divided by it.
+
+        Args:
+            e1: Position error, shape (nv,).
+            dt: Control period [s].
+        """
+        del dt
+        return np.ones_like(e1)
 
     def sliding_time(self, e1: ArrayLike) -> Array:
         """Time on s = 0 until e1 = 0, exact [s].
