@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import rbimpedance as rbi
-from rbimpedance.robot_sources import bundled_names, bundled_urdf, read_source
+from rbimpedance.loading.robot_sources import bundled_names, bundled_urdf, read_source
 
 from .arms import spinner_urdf
 
@@ -59,7 +59,7 @@ def test_byte_order_mark_is_no_fault(tmp_path: Path) -> None:
 def test_size_of_a_file_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "long.urdf"
     path.write_text(spinner_urdf())
-    monkeypatch.setattr("rbimpedance.robot_sources.MAX_CHARACTERS", 100)
+    monkeypatch.setattr("rbimpedance.loading.robot_sources.MAX_CHARACTERS", 100)
     with pytest.raises(rbi.ModelError, match="more than 100 bytes"):
         rbi.load_robot(path)
 

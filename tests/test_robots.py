@@ -17,7 +17,7 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
 import rbimpedance as rbi
-from rbimpedance.robot_sources import known_names
+from rbimpedance.loading.robot_sources import known_names
 
 from .arms import LIMIT, mimic_urdf, spinner_urdf, urdf, urdf_joint, urdf_link
 
@@ -670,4 +670,12 @@ def test_meshes_that_are_not_there_matter_for_pictures_only(
     mesh.touch()
     assert (
         rbi.load_robot(text, package_dirs=[tmp_path]).notes == rbi.load_robot(spinner_urdf()).notes
+    )
+
+
+def test_inertia_of_a_real_file_that_is_not_quite_physical_can_be_scaled() -> None:
+    arm = rbi.load_robot("icub_reduced", lock=("root_joint",))
+    heavier = arm.with_scaled_inertia(1.5)
+    np.testing.assert_allclose(
+        heavier.mass_matrix(arm.neutral), 1.5 * arm.mass_matrix(arm.neutral), rtol=1e-9
     )

@@ -529,7 +529,9 @@ class ArmModel:
         scale = positive_number("factor", factor, "factor")
         model = self.model
         for j, link in enumerate(model.inertias):
-            model.inertias[j] = pin.Inertia(scale * link.mass, link.lever, scale * link.inertia)
+            scaled = pin.Inertia(link)  # whose constructor would refuse what some real files hold
+            scaled.mass, scaled.inertia = scale * link.mass, scale * link.inertia
+            model.inertias[j] = scaled
         return self._with_model(model)
 
     def with_friction(

@@ -12,15 +12,15 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ._arrays import vector
-from ._stderr import captured_stderr
 from .dynamics import ArmModel
 from .exceptions import ModelError, UnsupportedJointError
-from .joint_selection import check_mimics, joints_to_lock, locked_positions, root_mimics
-from .robot_sources import RobotText, read_source
-from .soundness import check_inertia
-from .urdf_appearance import appearance_notes
-from .urdf_document import Mimic, UrdfDocument, listed
-from .urdf_reader import parse_urdf
+from .loading.joint_selection import check_mimics, joints_to_lock, locked_positions, root_mimics
+from .loading.robot_sources import RobotText, read_source
+from .loading.soundness import check_inertia
+from .loading.stderr import captured_stderr
+from .loading.urdf_appearance import appearance_notes
+from .loading.urdf_document import Mimic, UrdfDocument, listed
+from .loading.urdf_reader import parse_urdf
 
 MAX_DOF = 200
 """Most degrees of freedom of a loaded robot: Pinocchio's data grow with their third power (0.5 GB at 200)."""

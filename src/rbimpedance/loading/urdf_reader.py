@@ -12,8 +12,8 @@ from collections.abc import Mapping
 
 from lxml import etree
 
-from ._suggestions import suggest
-from .exceptions import ModelError
+from .._suggestions import suggest
+from ..exceptions import ModelError
 from .strict_xml import (
     name_of,
     non_negative_of,

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arrays import Array
-from .dynamics import ArmModel
-from .exceptions import ModelError, UnsupportedJointError
+from .._arrays import Array
+from ..dynamics import ArmModel
+from ..exceptions import ModelError, UnsupportedJointError
 
 SMALLEST_INERTIA = 1e-9
 """Smallest inertia about a joint that counts as one [kg·m² or kg]."""

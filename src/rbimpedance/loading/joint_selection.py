@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from ._suggestions import suggest
-from .exceptions import ModelError, UnsupportedJointError
+from .._suggestions import suggest
+from ..exceptions import ModelError, UnsupportedJointError
 from .urdf_document import Mimic, UrdfDocument, listed
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .exceptions import ModelError
+from ..exceptions import ModelError
 from .robot_sources import RobotText
 from .urdf_document import UrdfDocument, listed
 

@@ -6,7 +6,7 @@ import re
 
 from lxml import etree
 
-from .exceptions import ModelError
+from ..exceptions import ModelError
 
 MAX_CHARACTERS = 8 * 1024 * 1024
 """Longest text that is read; the largest robot of example-robot-data has 0.2 million characters."""

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ._suggestions import suggest
-from .exceptions import MissingExtraError, ModelError
+from .._suggestions import suggest
+from ..exceptions import MissingExtraError, ModelError
 from .strict_xml import MAX_CHARACTERS, has_doctype
 
 _SUFFIXES = (".urdf", ".xacro", ".xml")
@@ -102,7 +102,7 @@ def known_names() -> tuple[str, ...]:
 
 def _bundled_folder() -> Path:
     """The folder of the bundled robots: inside the package in a wheel, else at the top of the checkout."""
-    package = Path(__file__).parent
+    package = Path(__file__).parents[1]
     inside = package / "urdf"
     return inside if inside.is_dir() else package.parent.parent / "urdf"
 
