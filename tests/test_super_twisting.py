@@ -212,6 +212,24 @@ def test_margin_buys_gain_and_costs_precision(margin: float) -> None:
     assert precision == pytest.approx(16.0 * margin**2, rel=0.15)
 
 
+@pytest.mark.parametrize(
+    ("scheme", "margin"), [("implicit", 1.0), ("matched", 1.0), ("matched", 2.0), ("matched", 4.0)]
+)
+def test_law_rests_up_to_the_gain_that_its_linear_form_at_zero_bears(
+    scheme: Scheme, margin: float
+) -> None:
+    """Poles of [[1 - 2g/m, -g·h·k2], [1/(m²·h·k2), 1]] in the unit circle: g < 4m²/(4m - 1)."""
+    limit = 4.0 * margin**2 / (4.0 * margin - 1.0)
+
+    def pulse(t: float, s: Array) -> Array:
+        return np.full_like(s, L if t < 0.5 else 0.0)
+
+    gains = limit * np.array([0.5, 0.98, 1.1])
+    swing = np.abs(_loop(rbi.SuperTwisting(K1, K2, scheme, margin), 1e-3, 6.0, pulse, gains).s)
+    assert (swing[-1000:, :2] < 1e-9 * L * 1e-6).all()
+    assert swing[-1000:, 2].max() > 1e-2 * L * 1e-6
+
+
 def test_margin_may_differ_from_joint_to_joint(rng: np.random.Generator) -> None:
     s, state = _states(rng, 2)
     u, _ = rbi.SuperTwisting(K1, K2, "matched", [1.0, 4.0]).step(s, state, 1e-3)

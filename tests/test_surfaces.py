@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -170,6 +171,30 @@ def test_fast_surface_does_not_chatter_at_any_period(scheme: Scheme, dt: float) 
     late = scenario.simulate().metrics(after=5.0)
     assert late["tau_variation"][0] <= 6.0
     assert late["e1_max"].max() <= (2e-5 if dt == 1e-2 else 2e-6)
+
+
+class Undivided(rbi.FastTerminalSurface):
+    """The continuous law, held."""
+
+    def hold_gain(self, e1: Array, dt: float) -> Array:
+        del dt
+        return np.ones_like(e1)
+
+
+def test_it_is_the_hold_gain_that_spares_the_implicit_scheme_the_chatter() -> None:
+    scenario = rbi.scenarios.paper(surface="fast-terminal", scheme="implicit", dt=1e-2)
+    old = scenario.controller
+    assert isinstance(old, rbi.ImpedanceController)
+    controller = rbi.ImpedanceController(
+        old.arm,
+        old.impedance,
+        Undivided(2.0, 3.0, 0.6, 1e-3),
+        old.reaching,
+        old.dt,
+        knowledge=old.knowledge,
+    )
+    result = replace(scenario, controller=controller).simulate()
+    assert result.metrics(after=5.0)["tau_variation"][0] > 1000.0
 
 
 @pytest.mark.parametrize("surface", [POWER, NONSINGULAR])

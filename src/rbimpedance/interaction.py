@@ -1,9 +1,12 @@
-"""What the environment does to the arm: every `Interaction` gives the joint torque tau_ext that it exerts."""
+"""What the environment does to the arm: every `Interaction` gives the joint torque tau_ext that it exerts.
+
+Wrenches and joint torques as functions of time are here; walls and pushes are in contact.py.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, TypeAlias, runtime_checkable
+from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +25,33 @@ class Interaction(Protocol):
 
     def torque(self, arm: ArmModel, t: float, q: Array, v: Array) -> Array:
         """Return tau_ext, shape (nv,) [N·m or N].
+
+        Args:
+            arm: The arm that is pushed.
+            t: Time [s].
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+        """
+
+
+class AppliedWrench(NamedTuple):
+    """Where a wrench acts, and which.
+
+    Attributes:
+        frame: Name of the frame at whose origin it acts.
+        wrench: Force [N] and moment [N·m] on the robot in world axes, shape (6,).
+    """
+
+    frame: str
+    wrench: Array
+
+
+@runtime_checkable
+class FrameInteraction(Interaction, Protocol):
+    """An interaction that acts at frames and can say where: for pictures and for wrench sensors."""
+
+    def wrenches(self, arm: ArmModel, t: float, q: Array, v: Array) -> tuple[AppliedWrench, ...]:
+        """Return the wrenches that act, those of zero size included.
 
         Args:
             arm: The arm that is pushed.
@@ -62,6 +92,15 @@ class FrameWrench:
         del v
         return arm.external_torque(q, self._wrench(t), self.frame, self.expressed_in)
 
+    def wrenches(self, arm: ArmModel, t: float, q: Array, v: Array) -> tuple[AppliedWrench, ...]:
+        """Return the wrench in world axes; see `FrameInteraction.wrenches`."""
+        del v
+        wrench = vector("wrench", self._wrench(t), 6, "force, moment")
+        if self.expressed_in == "local":
+            rotation, _ = arm.frame_placement(q, self.frame)
+            wrench = np.concatenate([rotation @ wrench[:3], rotation @ wrench[3:]])
+        return (AppliedWrench(self.frame or arm.tool_frame, wrench.copy()),)
+
 
 class JointTorque:
     """A torque on the joints themselves, constant or as a function of time.
@@ -81,6 +120,35 @@ class JointTorque:
         """Return the torque at time t; see `Interaction.torque`."""
         del q, v
         return vector("torque", self._torque(t), arm.nv).copy()
+
+
+class Sum:
+    """Several interactions at once: their torques add up.
+
+    Args:
+        *parts: The interactions.
+
+    Raises:
+        GainError: A part is no `Interaction`.
+    """
+
+    def __init__(self, *parts: Interaction) -> None:
+        for i, part in enumerate(parts):
+            if not isinstance(part, Interaction):
+                raise GainError(f"parts[{i}]", part, "an Interaction: FrameWrench, Wall, ...")
+        self.parts = parts
+
+    def torque(self, arm: ArmModel, t: float, q: Array, v: Array) -> Array:
+        """Return the sum of the torques; see `Interaction.torque`."""
+        total = np.zeros(arm.nv)
+        for part in self.parts:
+            total += part.torque(arm, t, q, v)
+        return total
+
+    def wrenches(self, arm: ArmModel, t: float, q: Array, v: Array) -> tuple[AppliedWrench, ...]:
+        """Return the wrenches of all parts that act at frames; see `FrameInteraction.wrenches`."""
+        acting = (part for part in self.parts if isinstance(part, FrameInteraction))
+        return tuple(wrench for part in acting for wrench in part.wrenches(arm, t, q, v))
 
 
 class Nothing:
