@@ -19,7 +19,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"dynamics"}),
     frozenset({"loading", "trajectories", "interaction"}),
     frozenset({"robots"}),
-    frozenset({"controller", "limits", "baselines", "_baseline"}),
+    frozenset({"controller", "tracking", "limits", "baselines", "_baseline"}),
     frozenset({"simulation", "integrators", "result", "observers"}),
     frozenset({"scenarios", "tuning", "study"}),
     frozenset({"plotting", "visualization", "cli", "_report", "_terminal", "__main__"}),

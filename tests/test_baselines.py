@@ -21,7 +21,7 @@ from rbimpedance.baselines import (
     PDPlus,
     SlotineLi,
 )
-from rbimpedance.controller import Knowledge
+from rbimpedance.tracking import Knowledge
 from rbimpedance.trajectories import cosine, hold
 
 from .arms import manipulator, spinner

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import NamedTuple, get_args
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._arrays import Array, positive_number, vector
+from ._arrays import Array, positive_number
 from ._frozen import set_fields
-from .controller import ControllerOutput, Knowledge, check_reference
+from .controller import ControllerOutput
 from .dynamics import ArmModel, PinocchioDynamics
-from .exceptions import GainError
 from .impedance import TargetFilter, TargetImpedance
+from .tracking import Knowledge, Tracking, check_knowledge, track
 from .trajectories import Reference
 
 
@@ -28,19 +28,6 @@ class BaselineState(NamedTuple):
 
     q_e: Array
     v_e: Array
-
-
-class Tick(NamedTuple):
-    """The checked inputs of a tick, and its reference and errors."""
-
-    q: Array
-    v: Array
-    desired: Reference
-    tau_ext: Array
-    v_r: Array
-    a_r: Array
-    e1: Array
-    e2: Array
 
 
 class Answer(NamedTuple):
@@ -70,8 +57,7 @@ class Baseline(ABC):
         knowledge: Knowledge = "full",
     ) -> None:
         dt = positive_number("dt", dt, "control period in seconds")
-        if knowledge not in get_args(Knowledge):
-            raise GainError("knowledge", knowledge, '"full" or "mass"')
+        check_knowledge(knowledge)
         set_fields(
             self,
             arm=arm,
@@ -82,7 +68,7 @@ class Baseline(ABC):
         )
 
     @abstractmethod
-    def _law(self, tick: Tick) -> Answer:
+    def _law(self, tick: Tracking) -> Answer:
         """The control law."""
 
     def init(self) -> BaselineState:
@@ -115,21 +101,22 @@ class Baseline(ABC):
             DimensionError: Wrong shape or kind.
             NonFiniteError: An input holds NaN or infinity.
         """
-        arm, dynamics = self.arm, self.arm.unchecked
-        q, v = arm.check_configuration("q", q), vector("v", v, arm.nv)
-        desired = check_reference(arm, reference)
-        tau_ext = vector("tau_ext", tau_ext, arm.nv)
-
         q_e, v_e = state
-        q_r, v_r = dynamics.integrate(desired.q, q_e), desired.v + v_e  # eq. (4)
-        a_r = desired.a + self._filter.acceleration(q_e, v_e, tau_ext)  # eq. (3)
-        e1, e2 = dynamics.difference(q, q_r), v_r - v
-        tau, s, u = self._law(Tick(q, v, desired, tau_ext, v_r, a_r, e1, e2))
-        none = np.zeros(arm.nv, dtype=np.bool_)
-        output = ControllerOutput(
-            tau, q_r, v_r, a_r, e1, e2, s, u, q_e.copy(), v_e.copy(), none, none.copy()
+        tick = track(
+            self.arm, self._filter, q_e, v_e, q=q, v=v, reference=reference, tau_ext=tau_ext
         )
-        return output, BaselineState(*self._filter.advance(q_e, v_e, tau_ext))
+        tau, s, u = self._law(tick)
+        none = np.zeros(self.arm.nv, dtype=np.bool_)
+        output = ControllerOutput(
+            tau,
+            *(tick.q_r, tick.v_r, tick.a_r, tick.e1, tick.e2, s),
+            u=u,
+            q_e=q_e.copy(),
+            v_e=v_e.copy(),
+            saturated=none,
+            guaranteed=none.copy(),
+        )
+        return output, BaselineState(*self._filter.advance(q_e, v_e, tick.tau_ext))
 
     def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
         """Return e_im (paper, eq. 5), shape (nv,) [N·m or N]; see `ImpedanceController`.
@@ -141,13 +128,6 @@ class Baseline(ABC):
         e1, e2, e3 = output.e1, output.e2, output.a_r - a
         return self._filter.error(e1, e2, e3, output.q_e, output.v_e)
 
-    def _torque(self, q: Array, v: Array, a: Array) -> Array:
-        """M a + bias, or M a where only the mass matrix is known."""
-        if self.knowledge == "full":
-            return self.arm.unchecked.inverse_dynamics(q, v, a)
-        torque: Array = self.arm.unchecked.mass_matrix(q) @ a
-        return torque
-
     def _passive_torque(self, q: Array, v: Array, v_ref: Array, a_ref: Array) -> Array:
         """M a_ref + C(q, v) v_ref + g + friction(v), or M a_ref where only M is known."""
         dynamics = self.arm.unchecked
@@ -157,7 +137,7 @@ class Baseline(ABC):
         gravity = dynamics.bias(q, np.zeros_like(v))
         return torque + coriolis_torque(dynamics, q, v, v_ref) + gravity + dynamics.friction(v)
 
-    def _spring_damper(self, tick: Tick) -> Array:
+    def _spring_damper(self, tick: Tracking) -> Array:
         """D_d(v_d - v) + K_d(q_d - q), or what takes their place in a nonlinear target."""
         q_d, v_d, _ = tick.desired
         position = self.arm.unchecked.difference(tick.q, q_d)

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ._arrays import Array, per_joint, positive
-from ._baseline import Answer, Baseline, Tick
+from ._baseline import Answer, Baseline
 from ._frozen import set_fields
-from .controller import Knowledge
 from .dynamics import ArmModel
 from .exceptions import GainError
 from .impedance import TargetImpedance
+from .tracking import Knowledge, Tracking, model_torque
 
 Smoothing: TypeAlias = Literal["sign", "boundary-layer", "dead-zone"]
 """What a first-order sliding mode switches with."""
@@ -50,11 +50,11 @@ class ComputedTorqueImpedance(Baseline):
         Systems, Measurement, and Control 107, 1985.
     """
 
-    def _law(self, tick: Tick) -> Answer:
+    def _law(self, tick: Tracking) -> Answer:
         q_d, v_d, a_d = tick.desired
         deviation = self.arm.unchecked.difference(q_d, tick.q)
         a = a_d + self._filter.acceleration(deviation, tick.v - v_d, tick.tau_ext)  # eq. (2)
-        tau = self._torque(tick.q, tick.v, a) - tick.tau_ext
+        tau = model_torque(self.arm, self.knowledge, tick.q, tick.v, a) - tick.tau_ext
         return Answer(tau, np.zeros_like(a), a - tick.a_r)
 
 
@@ -79,7 +79,7 @@ class PDGravity(Baseline):
         DimensionError: A gain is given for another number of joints.
     """
 
-    def _law(self, tick: Tick) -> Answer:
+    def _law(self, tick: Tracking) -> Answer:
         zero = np.zeros_like(tick.v)
         tau = self._spring_damper(tick)
         if self.knowledge == "full":
@@ -110,7 +110,7 @@ class PDPlus(Baseline):
         International Journal of Control 47, 1988.
     """
 
-    def _law(self, tick: Tick) -> Answer:
+    def _law(self, tick: Tracking) -> Answer:
         zero = np.zeros_like(tick.v)
         _, v_d, a_d = tick.desired
         feedforward = self._passive_torque(tick.q, tick.v, v_d, a_d)
@@ -178,11 +178,14 @@ class FirstOrderSlidingMode(Baseline):
             width=None if width is None else _joint_gain("width", width, arm.nv),
         )
 
-    def _law(self, tick: Tick) -> Answer:
+    def _law(self, tick: Tracking) -> Answer:
         rate = self.surface_rate
         s = tick.e2 + rate * tick.e1
         u = self.gain * self._switch(s)
-        tau = self._torque(tick.q, tick.v, tick.a_r + rate * tick.e2 + u) - tick.tau_ext
+        tau = (
+            model_torque(self.arm, self.knowledge, tick.q, tick.v, tick.a_r + rate * tick.e2 + u)
+            - tick.tau_ext
+        )
         return Answer(tau, s, u)
 
     def _switch(self, s: Array) -> Array:
@@ -240,7 +243,7 @@ class SlotineLi(Baseline):
             gain=_joint_gain("gain", gain, arm.nv),
         )
 
-    def _law(self, tick: Tick) -> Answer:
+    def _law(self, tick: Tracking) -> Answer:
         v_s = tick.v_r + self.surface_rate * tick.e1
         a_s = tick.a_r + self.surface_rate * tick.e2
         s = v_s - tick.v

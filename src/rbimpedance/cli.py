@@ -18,7 +18,7 @@ from . import __version__, plotting
 from ._arrays import Array
 from ._report import comparison_figures, comparison_table, result_figures, result_table
 from ._terminal import number, print_json, print_table, progress, stderr, stdout, table
-from .controller import ImpedanceController, Knowledge
+from .controller import ImpedanceController
 from .dynamics import ArmModel
 from .exceptions import DivergenceError, GainError, RBImpedanceError
 from .impedance import Impedance
@@ -28,6 +28,7 @@ from .result import SimulationResult
 from .robots import load_robot
 from .scenarios import Scenario, SurfaceName, paper, paper_comparison, paper_surface
 from .super_twisting import Scheme, SuperTwisting
+from .tracking import Knowledge
 from .trajectories import cosine
 
 app = typer.Typer(

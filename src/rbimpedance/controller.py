@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Protocol, TypeVar, get_args
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._arrays import Array, per_joint, positive_number, vector
+from ._arrays import Array, per_joint, positive_number
 from ._frozen import set_fields
 from .dynamics import ArmModel
-from .exceptions import DimensionError, GainError
 from .impedance import TargetFilter, TargetImpedance
 from .limits import Allocation, BoolArray, Limits, as_limits
 from .super_twisting import ReachingState, SuperTwisting
 from .surfaces import Surface
+from .tracking import Knowledge, check_knowledge, model_torque, track
 from .trajectories import Reference
-
-Knowledge = Literal["full", "mass"]
-"""What the controller knows of the arm: everything, or M(q) alone as in section 4 of the paper."""
 
 
 class ControllerState(NamedTuple):
@@ -152,8 +149,7 @@ class ImpedanceController:
         limits: Limits | ArrayLike | None = None,
     ) -> None:
         dt = positive_number("dt", dt, "control period in seconds")
-        if knowledge not in get_args(Knowledge):
-            raise GainError("knowledge", knowledge, '"full" or "mass"')
+        check_knowledge(knowledge)
         limits = as_limits(limits)
         for owner in (surface, reaching, limits):
             for name, value in vars(owner).items() if owner is not None else ():
@@ -201,41 +197,36 @@ class ImpedanceController:
             DimensionError: Wrong shape or kind.
             NonFiniteError: An input holds NaN or infinity.
         """
-        arm = self.arm
-        q = arm.check_configuration("q", q)
-        v = vector("v", v, arm.nv)
-        q_d, v_d, a_d = check_reference(arm, reference)
-        tau_ext = vector("tau_ext", tau_ext, arm.nv)
-
-        a_e = self._filter.acceleration(state.q_e, state.v_e, tau_ext)  # eq. (3)
-        q_r = arm.unchecked.integrate(q_d, state.q_e)  # eq. (4)
-        v_r = v_d + state.v_e
-        a_r = a_d + a_e
-        e1 = arm.unchecked.difference(q, q_r)
-        e2 = v_r - v
+        tick = track(
+            self.arm,
+            self._filter,
+            state.q_e,
+            state.v_e,
+            q=q,
+            v=v,
+            reference=reference,
+            tau_ext=tau_ext,
+        )
+        e1, e2, a_r = tick.e1, tick.e2, tick.a_r
 
         s = self.surface.value(e1, e2)  # eq. (6)
         reaching = self._reaching_state(state, s)
         u, following = self.reaching.step(s, reaching, self.dt)
         gain = self.surface.hold_gain(e1, self.dt)
         a = a_r + (self.surface.feedforward(e1, e2) + u) / gain
-        tau, saturated, lacking = self._allocate(q, self._torque(q, v, a) - tau_ext)  # eq. (8)
+        tau = model_torque(self.arm, self.knowledge, tick.q, tick.v, a) - tick.tau_ext  # eq. (8)
+        tau, saturated, lacking = self._allocate(tick.q, tau)
         missing = gain * lacking
         following = self.reaching.without_windup(reaching, following, missing, self.dt)
 
-        q_e, v_e = self._filter.advance(state.q_e, state.v_e, tau_ext)
+        q_e, v_e = self._filter.advance(state.q_e, state.v_e, tick.tau_ext)
         output = ControllerOutput(
             tau,
-            q_r,
-            v_r,
-            a_r,
-            e1,
-            e2,
-            s,
-            u - missing,
-            state.q_e.copy(),
-            state.v_e.copy(),
-            saturated,
+            *(tick.q_r, tick.v_r, a_r, e1, e2, s),
+            u=u - missing,
+            q_e=state.q_e.copy(),
+            v_e=state.v_e.copy(),
+            saturated=saturated,
             guaranteed=missing == 0.0,
         )
         return output, ControllerState(state.ticks + 1, q_e, v_e, *following)
@@ -261,29 +252,3 @@ class ImpedanceController:
         if self.limits is None:
             return Allocation(tau, np.zeros(tau.shape, dtype=np.bool_), np.zeros_like(tau))
         return self.limits.allocate(tau, lambda: self.arm.unchecked.mass_matrix(q))
-
-    def _torque(self, q: Array, v: Array, a: Array) -> Array:
-        """M a + bias by one RNEA, or M a where only the mass matrix is known."""
-        if self.knowledge == "full":
-            return self.arm.unchecked.inverse_dynamics(q, v, a)
-        torque: Array = self.arm.unchecked.mass_matrix(q) @ a
-        return torque
-
-
-def check_reference(arm: ArmModel, reference: Reference) -> Reference:
-    """Return the reference as checked float64 vectors.
-
-    Raises:
-        DimensionError: Not a triple (q, v, a), or one of wrong shape or kind.
-        NonFiniteError: It holds NaN or infinity.
-    """
-    try:
-        q, v, a = reference
-    except (TypeError, ValueError):
-        actual = f"{type(reference).__name__}"
-        raise DimensionError("reference", "a Reference(q, v, a)", actual) from None
-    return Reference(
-        arm.check_configuration("reference.q", q),
-        vector("reference.v", v, arm.nv),
-        vector("reference.a", a, arm.nv),
-    )

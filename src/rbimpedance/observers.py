@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, get_args
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ._arrays import Array, per_joint, positive_number, vector
 from ._frozen import set_fields
-from .controller import Knowledge
 from .dynamics import ArmModel
-from .exceptions import DimensionError, GainError
+from .exceptions import DimensionError
 from .result import SimulationResult
 from .super_twisting import ReachingState, SuperTwisting
+from .tracking import Knowledge, check_knowledge
 
 
 class ObserverState(NamedTuple):
@@ -104,8 +104,7 @@ class SuperTwistingDisturbanceObserver:
         knowledge: Knowledge = "full",
     ) -> None:
         dt = positive_number("dt", dt, "period in seconds")
-        if knowledge not in get_args(Knowledge):
-            raise GainError("knowledge", knowledge, '"full" or "mass"')
+        check_knowledge(knowledge)
         for name in ("k1", "k2", "margin"):
             per_joint(f"reaching.{name}", getattr(reaching, name), arm.nv)
         set_fields(self, arm=arm, reaching=reaching, dt=dt, knowledge=knowledge)

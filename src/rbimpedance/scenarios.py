@@ -16,7 +16,7 @@ from .baselines import (
     SlotineLi,
     Smoothing,
 )
-from .controller import Controller, ImpedanceController, Knowledge
+from .controller import Controller, ImpedanceController
 from .dynamics import ArmModel
 from .exceptions import GainError
 from .impedance import Impedance
@@ -27,6 +27,7 @@ from .robots import load_robot
 from .simulation import simulate
 from .super_twisting import Scheme, SuperTwisting
 from .surfaces import FastTerminalSurface, NonsingularTerminalSurface, PowerSurface, Surface
+from .tracking import Knowledge
 from .trajectories import Trajectory, cosine
 
 SurfaceName = Literal["power", "fast-terminal", "nonsingular-terminal"]

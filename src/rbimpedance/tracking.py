@@ -1,0 +1,118 @@
+"""What every controller does first: check the measurements, form the impedance reference and the errors."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple, get_args
+
+from numpy.typing import ArrayLike
+
+from ._arrays import Array, vector
+from .dynamics import ArmModel
+from .exceptions import DimensionError, GainError
+from .impedance import TargetFilter
+from .trajectories import Reference
+
+Knowledge = Literal["full", "mass"]
+"""What a controller knows of the arm: everything, or M(q) alone as in section 4 of the paper."""
+
+
+class Tracking(NamedTuple):
+    """Checked measurements of a tick, the impedance reference and the errors.
+
+    Attributes:
+        q: Measured configuration, shape (nq,).
+        v: Measured velocity, shape (nv,) [rad/s or m/s].
+        tau_ext: Measured torque of the environment, shape (nv,) [N·m or N].
+        desired: Desired motion.
+        q_r: Impedance reference q_d (+) q_e, shape (nq,).
+        v_r: Its velocity, shape (nv,) [rad/s or m/s].
+        a_r: Its acceleration, shape (nv,) [rad/s² or m/s²].
+        e1: Position error q_r (-) q, shape (nv,) [rad or m].
+        e2: Velocity error v_r - v, shape (nv,) [rad/s or m/s].
+    """
+
+    q: Array
+    v: Array
+    tau_ext: Array
+    desired: Reference
+    q_r: Array
+    v_r: Array
+    a_r: Array
+    e1: Array
+    e2: Array
+
+
+def track(
+    arm: ArmModel,
+    impedance_filter: TargetFilter,
+    q_e: Array,
+    v_e: Array,
+    *,
+    q: ArrayLike,
+    v: ArrayLike,
+    reference: Reference,
+    tau_ext: ArrayLike,
+) -> Tracking:
+    """Return the impedance reference (paper, eqs. 3 and 4) and the errors of a tick.
+
+    Args:
+        arm: The controller's model of the arm.
+        impedance_filter: Filter of the target impedance.
+        q_e: Its position, shape (nv,).
+        v_e: Its velocity, shape (nv,).
+        q: Measured configuration, shape (nq,).
+        v: Measured velocity, shape (nv,).
+        reference: Desired motion.
+        tau_ext: Measured torque of the environment, shape (nv,).
+
+    Raises:
+        DimensionError: Wrong shape or kind.
+        NonFiniteError: An input holds NaN or infinity.
+    """
+    q = arm.check_configuration("q", q)
+    v = vector("v", v, arm.nv)
+    desired = check_reference(arm, reference)
+    tau_ext = vector("tau_ext", tau_ext, arm.nv)
+    a_e = impedance_filter.acceleration(q_e, v_e, tau_ext)  # eq. (3)
+    q_r = arm.unchecked.integrate(desired.q, q_e)  # eq. (4)
+    v_r = desired.v + v_e
+    a_r = desired.a + a_e
+    e1 = arm.unchecked.difference(q, q_r)
+    return Tracking(q, v, tau_ext, desired, q_r, v_r, a_r, e1, e2=v_r - v)
+
+
+def model_torque(arm: ArmModel, knowledge: Knowledge, q: Array, v: Array, a: Array) -> Array:
+    """Return M a + bias by one RNEA, or M a where only the mass matrix is known, shape (nv,)."""
+    if knowledge == "full":
+        return arm.unchecked.inverse_dynamics(q, v, a)
+    torque: Array = arm.unchecked.mass_matrix(q) @ a
+    return torque
+
+
+def check_reference(arm: ArmModel, reference: Reference) -> Reference:
+    """Return the reference as checked float64 vectors.
+
+    Raises:
+        DimensionError: Not a triple (q, v, a), or one of wrong shape or kind.
+        NonFiniteError: It holds NaN or infinity.
+    """
+    try:
+        q, v, a = reference
+    except (TypeError, ValueError):
+        actual = f"{type(reference).__name__}"
+        raise DimensionError("reference", "a Reference(q, v, a)", actual) from None
+    return Reference(
+        arm.check_configuration("reference.q", q),
+        vector("reference.v", v, arm.nv),
+        vector("reference.a", a, arm.nv),
+    )
+
+
+def check_knowledge(knowledge: str) -> None:
+    """Refuse an unknown `knowledge`.
+
+    Raises:
+        GainError: Neither "full" nor "mass".
+    """
+    if knowledge not in get_args(Knowledge):
+        raise GainError("knowledge", knowledge, '"full" or "mass"')
