@@ -56,6 +56,18 @@ def torques(result: SimulationResult) -> Figure:
     return figure
 
 
+def disturbance(result: SimulationResult, estimate: Array) -> Figure:
+    """Disturbance torque over time, as `observe` estimates it from a result.
+
+    Args:
+        result: The result that was observed.
+        estimate: What `observe` returned, shape (N, nv) [N·m or N].
+    """
+    with _figure(rows=1) as (figure, axes):
+        _channels(axes[0], result, estimate, r"disturbance [N$\cdot$m]")
+    return figure
+
+
 def comparison(results: Mapping[str, SimulationResult]) -> Figure:
     """Errors on a log scale and the torque's variation, for several controllers under the same conditions.
 
