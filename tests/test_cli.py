@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -127,3 +128,10 @@ def test_nothing_is_coloured_when_output_is_no_terminal(
 ) -> None:
     assert call(monkeypatch, "inspect", "two_link") == 0
     assert "\x1b[" not in capsys.readouterr().out
+
+
+def test_help_loses_no_unit_to_markup() -> None:
+    source = Path(cli.__file__).read_text(encoding="utf-8")
+    helps = re.findall(r'help="([^"]*)"', source)
+    assert len(helps) > 20
+    assert [text for text in helps if "[" in text] == []

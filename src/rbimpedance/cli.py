@@ -55,10 +55,10 @@ ToolFrame = Annotated[
 ]
 Armature = Annotated[
     str | None,
-    typer.Option("--armature", metavar="A[,A...]", help="Reflected rotor inertia [kg m^2]."),
+    typer.Option("--armature", metavar="A[,A...]", help="Reflected rotor inertia in kg m^2."),
 ]
 Gravity = Annotated[
-    str | None, typer.Option("--gravity", metavar="X,Y,Z", help="Gravity in world axes [m/s^2].")
+    str | None, typer.Option("--gravity", metavar="X,Y,Z", help="Gravity in world axes in m/s^2.")
 ]
 PackageDir = Annotated[
     list[Path] | None,
@@ -67,8 +67,8 @@ PackageDir = Annotated[
 Known = Annotated[Knowledge, typer.Option("--known", help="What the controller knows of the arm.")]
 Surface = Annotated[SurfaceName, typer.Option("--surface", help="Sliding surface.")]
 SchemeName = Annotated[Scheme, typer.Option("--scheme", help="Discretisation of the law.")]
-Period = Annotated[float, typer.Option("--dt", metavar="S", help="Control period [s].")]
-Duration = Annotated[float, typer.Option("--duration", metavar="S", help="Length of the run [s].")]
+Period = Annotated[float, typer.Option("--dt", metavar="S", help="Control period in s.")]
+Duration = Annotated[float, typer.Option("--duration", metavar="S", help="Length of the run in s.")]
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="No progress bar and no table.")]
@@ -120,12 +120,12 @@ def run(
     ] = 0.0,
     wrench: Annotated[
         str | None,
-        typer.Option("--wrench", metavar="FX,FY,FZ", help="Force on the tool in world axes [N]."),
+        typer.Option("--wrench", metavar="FX,FY,FZ", help="Force on the tool in world axes, in N."),
     ] = None,
     amplitude: Annotated[
-        float, typer.Option("--amplitude", help="Of the cosine reference [rad or m].")
+        float, typer.Option("--amplitude", help="Of the cosine reference, rad or m.")
     ] = 0.2,
-    period: Annotated[float, typer.Option("--period", help="Of the cosine reference [s].")] = 6.0,
+    period: Annotated[float, typer.Option("--period", help="Of the cosine reference in s.")] = 6.0,
     mass: Annotated[str, typer.Option("--mass", metavar="M[,M...]", help="M_d.")] = "1",
     damping: Annotated[str, typer.Option("--damping", metavar="D[,D...]", help="D_d.")] = "10",
     stiffness: Annotated[str, typer.Option("--stiffness", metavar="K[,K...]", help="K_d.")] = "20",
