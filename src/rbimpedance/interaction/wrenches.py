@@ -11,9 +11,9 @@ from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._arrays import Array, vector
-from .dynamics import ArmModel
-from .exceptions import GainError
+from .._arrays import Array, vector
+from ..dynamics import ArmModel
+from ..exceptions import GainError
 
 TimeFunction: TypeAlias = Callable[[float], ArrayLike]
 """Maps a time [s] to a vector."""

@@ -1,0 +1,214 @@
+"""Environments that touch the arm: walls, still or moving, and a scripted push."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._arrays import Array, gain, positive_number, vector
+from .._frozen import set_fields
+from ..dynamics import ArmModel
+from ..exceptions import GainError
+from .wrenches import AppliedWrench, FrameWrench
+
+_RATE_STEP = 1e-6  # s: half the span of the central difference of a wall's displacement
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Wall:
+    """A flat, frictionless spring-damper surface that pushes on one point of the arm and never pulls.
+
+    With x the frame's origin, n the normal and p a point of the surface, δ = nᵀ(p - x) is the penetration, and the arm
+    feels the force
+
+        f = n·max(0, k·δ + d·δ̇)    where δ > 0,    0 elsewhere.
+
+    The surface stands still, or moves along its normal.
+
+    Attributes:
+        point: A point of the surface, at displacement zero, shape (3,) [m].
+        normal: Unit normal, out of the wall towards the free side, shape (3,).
+        stiffness: k [N/m].
+        damping: d [N·s/m].
+        frame: Frame whose origin touches; the arm's tool frame by default.
+        displacement: The surface's displacement along its normal as a function of time [m]; None for a still one. Its
+            rate is taken by a central difference over 2 µs.
+
+    Raises:
+        DimensionError: A point or a normal that is not a vector of three numbers.
+        NonFiniteError: One that holds NaN or infinity.
+        GainError: A normal of length zero, a stiffness that is not positive, or a negative damping.
+    """
+
+    point: Array
+    normal: Array
+    stiffness: float
+    damping: float
+    frame: str | None
+    displacement: Callable[[float], float] | None
+
+    def __init__(
+        self,
+        point: ArrayLike,
+        normal: ArrayLike,
+        stiffness: float,
+        damping: float = 0.0,
+        *,
+        frame: str | None = None,
+        displacement: Callable[[float], float] | None = None,
+    ) -> None:
+        direction = vector("normal", normal, 3, "x, y, z")
+        length = float(np.linalg.norm(direction))
+        if length == 0.0:
+            raise GainError("normal", normal, "a vector that is not zero")
+        set_fields(
+            self,
+            point=_frozen(vector("point", point, 3, "x, y, z")),
+            normal=_frozen(direction / length),
+            stiffness=positive_number("stiffness", stiffness, "stiffness in N/m"),
+            damping=_non_negative("damping", damping),
+            frame=frame,
+            displacement=displacement,
+        )
+
+    def penetration(self, arm: ArmModel, t: float, q: ArrayLike) -> float:
+        """Return δ [m]: how deep the frame's origin is in the wall; negative while it is free.
+
+        Args:
+            arm: The arm.
+            t: Time [s].
+            q: Configuration, shape (nq,).
+        """
+        _, origin = arm.frame_placement(q, self.frame)
+        travel = 0.0 if self.displacement is None else float(self.displacement(t))
+        return float(self.normal @ (self.point - origin)) + travel
+
+    def force(self, arm: ArmModel, t: float, q: ArrayLike, v: ArrayLike) -> float:
+        """Return how hard the wall pushes along its normal [N], never negative.
+
+        Args:
+            arm: The arm.
+            t: Time [s].
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+        """
+        depth = self.penetration(arm, t, q)
+        return 0.0 if depth <= 0.0 else self._push(depth, t, v, self._normal_row(arm, q))
+
+    def torque(self, arm: ArmModel, t: float, q: Array, v: Array) -> Array:
+        """Return Jᵀ n f; see `Interaction.torque`."""
+        depth = self.penetration(arm, t, q)
+        if depth <= 0.0:
+            return np.zeros(arm.nv)
+        row = self._normal_row(arm, q)
+        torque: Array = row * self._push(depth, t, v, row)
+        return torque
+
+    def wrenches(self, arm: ArmModel, t: float, q: Array, v: Array) -> tuple[AppliedWrench, ...]:
+        """Return the contact force, without moment; see `FrameInteraction.wrenches`."""
+        force = self.force(arm, t, q, v) * self.normal
+        return (AppliedWrench(self.frame or arm.tool_frame, np.append(force, np.zeros(3))),)
+
+    def _normal_row(self, arm: ArmModel, q: ArrayLike) -> Array:
+        """The row nᵀJ: how fast the frame leaves the wall at unit joint speeds, shape (nv,)."""
+        row: Array = self.normal @ arm.jacobian(q, self.frame)[:3]
+        return row
+
+    def _push(self, depth: float, t: float, v: ArrayLike, row: Array) -> float:
+        rate = self._surface_speed(t) - float(row @ np.asarray(v))
+        return max(0.0, self.stiffness * depth + self.damping * rate)
+
+    def _surface_speed(self, t: float) -> float:
+        if self.displacement is None:
+            return 0.0
+        ahead, behind = self.displacement(t + _RATE_STEP), self.displacement(t - _RATE_STEP)
+        return float(ahead - behind) / (2.0 * _RATE_STEP)
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Push:
+    """A scripted push, as of a human hand: a wrench that swells, holds and fades.
+
+    Its size is sin²(π/2·(t - start)/rise) of the whole while it rises and the mirror image while it fades: the
+    force and its rate are continuous.
+
+    Attributes:
+        wrench: Force [N] and moment [N·m] at its largest, at the frame's origin, shape (6,).
+        start: When it begins [s].
+        duration: How long it lasts in all [s].
+        rise: How long it takes to rise, and to fade, at most half of the duration [s]; half of it by default.
+        frame: Frame that is pushed; the arm's tool frame by default.
+        expressed_in: Axes of the wrench: "world", or "local" for the frame's own axes.
+
+    Raises:
+        DimensionError: The wrench is not a vector of six numbers.
+        NonFiniteError: The wrench holds NaN or infinity.
+        GainError: A time that is not a positive number, a rise longer than half of the duration, or unknown axes.
+    """
+
+    wrench: Array
+    start: float
+    duration: float
+    rise: float
+    frame: str | None
+    expressed_in: str
+    _acting: FrameWrench
+
+    def __init__(
+        self,
+        wrench: ArrayLike,
+        start: float,
+        duration: float,
+        rise: float | None = None,
+        *,
+        frame: str | None = None,
+        expressed_in: str = "world",
+    ) -> None:
+        duration = positive_number("duration", duration, "length of the push in seconds")
+        rise = positive_number("rise", duration / 2.0 if rise is None else rise, "time in seconds")
+        if rise > duration / 2.0:
+            raise GainError("rise", rise, f"at most half of the duration, {duration / 2.0:g} s")
+        set_fields(
+            self,
+            wrench=_frozen(vector("wrench", wrench, 6, "force, moment")),
+            start=_non_negative("start", start),
+            duration=duration,
+            rise=rise,
+            frame=frame,
+            expressed_in=expressed_in,
+            _acting=FrameWrench(lambda t: self.share(t) * self.wrench, frame, expressed_in),
+        )
+
+    def share(self, t: float) -> float:
+        """Return the push's size at a time as a share of the whole, from 0 to 1.
+
+        Args:
+            t: Time [s].
+        """
+        since = t - self.start
+        flank = np.clip(min(since, self.duration - since) / self.rise, 0.0, 1.0)
+        return float(np.sin(np.pi / 2.0 * flank) ** 2)
+
+    def torque(self, arm: ArmModel, t: float, q: Array, v: Array) -> Array:
+        """Return Jᵀ(q) w(t); see `Interaction.torque`."""
+        return self._acting.torque(arm, t, q, v)
+
+    def wrenches(self, arm: ArmModel, t: float, q: Array, v: Array) -> tuple[AppliedWrench, ...]:
+        """Return the wrench in world axes; see `FrameInteraction.wrenches`."""
+        return self._acting.wrenches(arm, t, q, v)
+
+
+def _frozen(array: Array) -> Array:
+    copy = array.copy()
+    copy.setflags(write=False)
+    return copy
+
+
+def _non_negative(name: str, value: float) -> float:
+    number = gain(name, value, "non-negative", lambda x: x >= 0.0)
+    if number.ndim:
+        raise GainError(name, value, "a single number")
+    return float(number)

@@ -1,0 +1,47 @@
+"""Results made by hand, for tests of what is done with results: a motion is given, nothing is simulated."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rbimpedance import ArmModel, SimulationResult
+from rbimpedance._arrays import Array
+from rbimpedance.result import provenance
+
+
+class _NoController:
+    dt = 0.01
+
+
+def swung(
+    arm: ArmModel, *, duration: float = 1.0, lead: float = 0.3, force: Array | None = None
+) -> SimulationResult:
+    """Return a run in which every joint swings by 0.2 rad or m and the reference leads by `lead`.
+
+    Args:
+        arm: The arm.
+        duration: Length [s].
+        lead: q_r (-) q of every joint [rad or m].
+        force: Constant force at the tool [N], shape (3,).
+    """
+    t = np.arange(round(100.0 * duration) + 1) / 100.0
+    ones = np.ones(arm.nv)
+    swing = [np.sin(2.0 * np.pi * time / max(duration, 1e-9)) / 5.0 for time in t]
+    q = np.array([arm.integrate(arm.neutral, x * ones) for x in swing])
+    wrench = np.zeros(6) if force is None else np.append(force, np.zeros(3))
+    zeros = np.zeros((len(t), arm.nv))
+    return SimulationResult(
+        t=t,
+        q=q,
+        v=zeros,
+        q_r=np.array([arm.integrate(x, lead * ones) for x in q]),
+        e1=zeros + lead,
+        e2=zeros,
+        e_im=zeros,
+        s=zeros,
+        tau=zeros,
+        tau_ext=np.array([arm.external_torque(x, wrench) for x in q]),
+        saturated=zeros.astype(np.bool_),
+        provenance=provenance(_NoController(), arm),
+        plant=arm,
+    )
