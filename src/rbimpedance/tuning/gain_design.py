@@ -1,0 +1,279 @@
+"""Gains from bounds: k1, k2 and the scheme's margin, and whether the bounds can be carried at all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from .._arrays import Array
+from ..dynamics import ArmModel
+from ..surfaces import FastTerminalSurface, Surface
+from ..trajectories import Trajectory
+from .input_gain import LARGEST_MARGIN, bears, gain_limit, needed_margin
+from .mismatch import Mismatch, carried_model, measure
+from .motions import Spread, sample_motions
+from .uncertainty import PlantSample, Uncertainty
+
+TORQUE_FLOOR = 0.5
+"""Smallest torque mismatch that gains are made for [N·m or N]: it lets a joint reach its surface without one, too."""
+
+GAIN_HEADROOM = 1.2
+"""The scheme bears an input gain this much higher than the largest one that was measured."""
+
+SMOOTHINGS = (1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
+"""Radii that a proposal may choose from for its fast terminal surface [rad or m]; the first one is the usual."""
+
+_K2_OVER_MISMATCH = 3.0
+_K2_OVER_RATE = 1.5
+_K1_OVER_ROOT_K2 = 2.2  # k1² ≥ 4·k2 with room
+_LEAST_RATE = (
+    1e-9  # of a disturbance [rad/s³]: without a margin there is no bound, even if it stands still
+)
+_LARGEST_ERROR = np.pi
+_BISECTIONS = 40
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Task:
+    """What gains are asked for.
+
+    Attributes:
+        arm: The arm as it is modelled.
+        uncertainty: What is not known of it.
+        trajectory: Desired motion.
+        dt: Control period [s].
+        surface: Sliding surface; None for a fast terminal one with the smoothing that suits best.
+        duration: Length of the trajectory that counts [s].
+        accuracy: Error abs(e1) that is asked for after the reaching phase [rad or m].
+        samples: Number of plants.
+        instants: Number of instants along the trajectory.
+        seed: Of everything random.
+        spread: How far motions leave the trajectory.
+    """
+
+    arm: ArmModel
+    uncertainty: Uncertainty
+    trajectory: Trajectory
+    dt: float
+    surface: Surface | None
+    duration: float
+    accuracy: float
+    samples: int
+    instants: int
+    seed: int
+    spread: Spread
+
+
+class Measured(NamedTuple):
+    """What the bounds of a design come from.
+
+    Attributes:
+        model: The controller's model.
+        payload: Payload that it carries [kg].
+        samples: Plants that were measured.
+        mismatch: How far they are from the model.
+    """
+
+    model: ArmModel
+    payload: float
+    samples: Sequence[PlantSample]
+    mismatch: Mismatch
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Design:
+    """Gains and what they rest on; arrays have shape (nv,).
+
+    Attributes:
+        measured: The model, the samples, and the bounds over them.
+        surface: Sliding surface.
+        k1: Gain of the root.
+        k2: Gain of the integral.
+        margin: Of the matched scheme, the same for all joints; infinite where there is none.
+        gain_limit: Input gain that the scheme bears at this margin; 0 where there is none.
+        error: Error e1 that the scheme leaves, from the largest rate of the disturbance [rad or m].
+        noise_error: Error e1 that the sensors' noise stands for [rad or m].
+        noise_torque: Torque that the sensors' noise stands for, about [N·m or N].
+        joint: Joint that cannot be carried, or None.
+        reason: Why, or empty.
+    """
+
+    measured: Measured
+    surface: Surface
+    k1: Array
+    k2: Array
+    margin: float
+    gain_limit: float
+    error: Array
+    noise_error: Array
+    noise_torque: Array
+    joint: int | None = None
+    reason: str = ""
+
+
+def measure_task(task: Task) -> Measured:
+    """Choose the model that the controller carries, and measure how far the plants are from it."""
+    arm, uncertainty, dt = task.arm, task.uncertainty, task.dt
+    motions = sample_motions(
+        arm, task.trajectory, task.duration, dt, task.instants, task.seed, task.spread
+    )
+    model, payload = carried_model(arm, uncertainty, motions, dt)
+    samples = uncertainty.sample(arm, task.samples, seed=task.seed)
+    return Measured(model, payload, samples, measure(model, samples, motions, dt))
+
+
+def design(task: Task, measured: Measured, *, slower: float = 1.0) -> Design:
+    """Return the gains that the bounds call for, and whether they can be carried.
+
+    Args:
+        task: What is asked for.
+        measured: From `measure_task`.
+        slower: Factor on the margin beyond what the input gain asks for.
+    """
+    surfaces = usual_surfaces() if task.surface is None else (task.surface,)
+    k1, k2 = _k1_and_k2(task, measured.mismatch, surfaces[0], slower)
+    designs = [_on_surface(task, measured, surface, k1, k2, slower) for surface in surfaces]
+    best = min(designs, key=lambda found: float(found.error.max()))
+    if best.noise_error.max() > 0.0 and np.isfinite(best.margin):
+        least = (
+            best.margin
+        )  # a gentler surface is to lower the noise, not to leave room for a faster scheme
+        designs = [_on_surface(task, measured, on, k1, k2, slower, least) for on in surfaces]
+        precise = [found for found in designs if found.error.max() <= task.accuracy / 2.0]
+        best = min(precise, key=lambda found: float(found.noise_torque.max()), default=best)
+    return _judged(task, best)
+
+
+def _on_surface(
+    task: Task,
+    measured: Measured,
+    surface: Surface,
+    k1: Array,
+    k2: Array,
+    slower: float,
+    least: float = 1.0,
+) -> Design:
+    """The design with one surface, not judged yet."""
+    mismatch, uncertainty = measured.mismatch, task.uncertainty
+    margin, limit = _margin(task, mismatch, surface, slower, least)
+    rate = np.maximum(mismatch.disturbance_rate, _LEAST_RATE)
+    s = (margin * task.dt) ** 2 * rate / mismatch.gain_low
+    slope, zero = slope_at_zero(surface, task.arm.nv), np.zeros(task.arm.nv)
+    return Design(
+        measured=measured,
+        surface=surface,
+        k1=k1,
+        k2=k2,
+        margin=margin,
+        gain_limit=limit,
+        error=_error_on(surface, s),
+        noise_error=uncertainty.position_noise
+        + _error_on(surface, zero + uncertainty.velocity_noise),
+        noise_torque=mismatch.inertia * _noise_acceleration(task, slope, k1, margin),
+    )
+
+
+def _noise_acceleration(task: Task, slope: Array, k1: Array, margin: float) -> Array:
+    """What noise makes of the feed-forward and of the reaching term, which is at most 2·s/H and k1·abs(s)^½."""
+    on_q, on_v = task.uncertainty.position_noise, task.uncertainty.velocity_noise
+    noise = on_v + slope * on_q
+    u = np.minimum(2.0 * noise / (margin * task.dt), k1 * np.sqrt(noise))
+    acceleration: Array = slope * on_v + u
+    return acceleration
+
+
+def usual_surfaces() -> tuple[FastTerminalSurface, ...]:
+    """Return the fast terminal surfaces that a proposal chooses from, the steepest first."""
+    return tuple(
+        FastTerminalSurface(rate=2.0, gamma=3.0, exponent=0.6, smoothing=smoothing)
+        for smoothing in SMOOTHINGS
+    )
+
+
+def slope_at_zero(surface: Surface, nv: int) -> Array:
+    """Return the slope of s over e1 at zero, shape (nv,) [1/s]."""
+    return np.array(surface.feedforward(np.zeros(nv), np.ones(nv)))
+
+
+def _error_on(surface: Surface, s: Array) -> Array:
+    """Return the e1 at rest that a value s of the surface stands for, shape (nv,); infinite beyond half a turn."""
+    below, above = np.zeros_like(s), np.full_like(s, _LARGEST_ERROR)
+    beyond = surface.value(above, below) < s
+    for _ in range(_BISECTIONS):
+        middle = (below + above) / 2.0
+        small = surface.value(middle, np.zeros_like(s)) < s
+        below, above = np.where(small, middle, below), np.where(small, above, middle)
+    return np.where(beyond, np.inf, above * (s > 0.0))
+
+
+def _margin(
+    task: Task, mismatch: Mismatch, surface: Surface, slower: float, least: float = 1.0
+) -> tuple[float, float]:
+    """Margin of the scheme, and the largest input gain that it bears with it."""
+    slope_step = float(slope_at_zero(surface, task.arm.nv).max()) * task.dt
+    low, high = mismatch.gain_low / GAIN_HEADROOM, mismatch.gain_high * GAIN_HEADROOM
+    delay = task.uncertainty.delay
+    margin = max(slower * needed_margin(low, high, delay, slope_step), least)
+    if not np.isfinite(margin) or not bears(margin, low, high, delay, slope_step):
+        return np.inf, 0.0
+    return margin, gain_limit(low, margin, delay, slope_step)
+
+
+def _k1_and_k2(
+    task: Task, mismatch: Mismatch, surface: Surface, slower: float
+) -> tuple[Array, Array]:
+    """Gains of the root and the integral.
+
+    k2 = 3·τ̄/m covers the mismatch with room for the transient, and k1 = 2.2·√(k2/g) keeps the effective gains g·k1,
+    g·k2 well damped at the smallest input gain g. What is more than the certificate needs, 1.5 times the
+    disturbance's rate, is given up with the root of how much slower a delayed loop has to be than a prompt one, and
+    as far as the noise of s, η, would make an acceleration k1·√η of the mismatch's size.
+    """
+    g, uncertainty = mismatch.gain_low, task.uncertainty
+    prompt = replace(task, uncertainty=uncertainty.but(delay=0))
+    late, early = (_margin(t, mismatch, surface, slower)[0] for t in (task, prompt))
+    slowness = min(late, LARGEST_MARGIN) / min(early, LARGEST_MARGIN)
+    acceleration = np.maximum(mismatch.torque, TORQUE_FLOOR) / mismatch.inertia
+    slope = slope_at_zero(surface, task.arm.nv)
+    noise = uncertainty.velocity_noise + slope * uncertainty.position_noise
+    k2 = _K2_OVER_MISMATCH * acceleration / np.sqrt(slowness)
+    share = _K1_OVER_ROOT_K2 * np.sqrt(k2 / g * noise) / acceleration
+    k2 = np.maximum(k2 / (1.0 + share) ** 2, _K2_OVER_RATE * mismatch.disturbance_rate / g)
+    return _K1_OVER_ROOT_K2 * np.sqrt(k2 / g), k2
+
+
+def _judged(task: Task, found: Design) -> Design:
+    """Add the joint that cannot be carried, and why, where there is one."""
+    names, mismatch = task.arm.joint_names, found.measured.mismatch
+    if not np.isfinite(found.margin):
+        joint = (
+            mismatch.joint_high
+            if mismatch.gain_high * mismatch.gain_low > 1.0
+            else mismatch.joint_low
+        )
+        reason = (
+            f"joint '{names[joint]}' answers with {mismatch.gain_low:.2g} to {mismatch.gain_high:.2g} times the "
+            f"acceleration that the model expects; with a delay of {task.uncertainty.delay} ticks at dt = "
+            f"{task.dt:g} s no margin up to {LARGEST_MARGIN:g} bears that"
+        )
+        return replace(found, joint=joint, reason=reason)
+    joint = int(np.argmax(found.error + found.noise_error))
+    if found.error[joint] + found.noise_error[joint] > task.accuracy:
+        reason = (
+            f"joint '{names[joint]}' would be left with an error of about {found.error[joint]:.2g} rad from the "
+            f"disturbance and {found.noise_error[joint]:.2g} rad from noise, where {task.accuracy:g} is asked for: its "
+            f"disturbance changes at {mismatch.disturbance_rate[joint]:.3g} rad/s³, and an input gain of "
+            f"{mismatch.gain_low:.2g} to {mismatch.gain_high:.2g} needs a margin of {found.margin:.3g}"
+        )
+        return replace(found, joint=joint, reason=reason)
+    joint = int(np.argmax(found.noise_torque / task.arm.effort_limit))
+    if found.noise_torque[joint] > task.arm.effort_limit[joint]:
+        reason = (
+            f"noise would take {found.noise_torque[joint]:.3g} N·m of joint '{names[joint]}', which has "
+            f"{task.arm.effort_limit[joint]:g}"
+        )
+        return replace(found, joint=joint, reason=reason)
+    return found

@@ -1,0 +1,194 @@
+"""Proposals as JSON files: what `rbimpedance tune` writes and `rbimpedance run --gains` reads."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._arrays import Array
+from ..controller import ImpedanceController
+from ..dynamics import ArmModel
+from ..exceptions import GainError, ModelError
+from ..impedance import Impedance
+from ..limits import Limits
+from ..super_twisting import SuperTwisting
+from ..surfaces import FastTerminalSurface, PowerSurface, Surface
+from .proposal import GainProposal
+
+_FORMAT = 1
+_SURFACES = {surface.__name__: surface for surface in (FastTerminalSurface, PowerSurface)}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Gains:
+    """Gains out of a file, and the model that they were made for.
+
+    Attributes:
+        robot: Name of the arm.
+        joint_names: Its joints.
+        dt: Control period [s].
+        k1: Gain of the root, shape (nv,).
+        k2: Gain of the integral, shape (nv,).
+        margin: Of the matched scheme, shape (nv,).
+        surface: Sliding surface.
+        payload: Mass that the controller's model carries [kg].
+        payload_com: Its position, shape (3,) [m].
+        payload_frame: Its frame; None for the tool frame.
+        armature: Of the controller's model, shape (nv,) [kg·m² or kg].
+    """
+
+    robot: str
+    joint_names: tuple[str, ...]
+    dt: float
+    k1: Array
+    k2: Array
+    margin: Array
+    surface: Surface
+    payload: float
+    payload_com: Array
+    payload_frame: str | None
+    armature: Array
+
+    def controller(
+        self, arm: ArmModel, impedance: Impedance, *, limits: Limits | ArrayLike | None = None
+    ) -> ImpedanceController:
+        """Build the controller for an arm as it was modelled, before the payload.
+
+        Args:
+            arm: The arm.
+            impedance: Target impedance.
+            limits: Of the actuators; see `ImpedanceController`.
+
+        Raises:
+            GainError: The file is for other joints.
+        """
+        if arm.joint_names != self.joint_names:
+            raise GainError(
+                "gains", f"for {self.robot}: {', '.join(self.joint_names)}", f"for '{arm.name}'"
+            )
+        model = arm.with_payload(self.payload, self.payload_com, frame=self.payload_frame)
+        reaching = SuperTwisting(self.k1, self.k2, "matched", self.margin)
+        return ImpedanceController(
+            model.with_armature(self.armature),
+            impedance,
+            self.surface,
+            reaching,
+            self.dt,
+            limits=limits,
+        )
+
+
+def proposal_data(proposal: GainProposal) -> dict[str, Any]:
+    """Return a proposal as plain JSON data, gains and the numbers behind them."""
+    mismatch, uncertainty = proposal.mismatch, proposal.uncertainty
+    data = {
+        "format": _FORMAT,
+        "robot": proposal.nominal.name,
+        "joint_names": proposal.nominal.joint_names,
+        "feasible": proposal.feasible,
+        "reason": proposal.reason,
+        "joint": proposal.joint,
+        "ways_out": proposal.ways_out,
+        "dt": proposal.dt,
+        "scheme": "matched",
+        "k1": proposal.k1,
+        "k2": proposal.k2,
+        "margin": proposal.margin,
+        "surface": {"type": type(proposal.surface).__name__} | vars(proposal.surface),
+        "model": {
+            "payload": proposal.payload,
+            "payload_com": uncertainty.payload_com.mean(axis=0),
+            "payload_frame": uncertainty.payload_frame,
+            "armature": proposal.arm.armature,
+        },
+        "bounds": vars(mismatch)
+        | {name: getattr(proposal, name) for name in ("error", "noise_error", "noise_torque")}
+        | {"rho": mismatch.rho, "gain_limit": proposal.gain_limit},
+        "uncertainty": vars(uncertainty),
+        "worst": [_worst(case) for case in proposal.worst],
+    }
+    plain: dict[str, Any] = _plain(data)
+    return plain
+
+
+def save_gains(proposal: GainProposal, path: str | os.PathLike[str]) -> Path:
+    """Write a proposal as JSON, a refused one too.
+
+    Args:
+        proposal: From `propose_gains`.
+        path: Where to.
+    """
+    target = Path(path)
+    text = json.dumps(proposal_data(proposal), indent=2, allow_nan=False)
+    target.write_text(text + "\n", encoding="utf-8")
+    return target
+
+
+def load_gains(path: str | os.PathLike[str]) -> Gains:
+    """Read the gains of a proposal that `save_gains` wrote.
+
+    Args:
+        path: The file.
+
+    Raises:
+        ModelError: The file is missing or damaged, or of another format.
+        GainError: The proposal in it was refused.
+    """
+    try:
+        data = json.loads(Path(path).read_text(encoding="utf-8"))
+        if data["format"] != _FORMAT:
+            raise ModelError(
+                f"'{path}' has gains format {data['format']}; this version reads {_FORMAT}"
+            )
+        if data["feasible"]:
+            return _gains(data)
+    except FileNotFoundError as error:
+        raise ModelError(f"no gains file '{path}'") from error
+    except (GainError, ModelError):
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise ModelError(f"'{path}' is not a whole file written by save_gains") from error
+    raise GainError("gains", data["reason"], f"feasible; those in '{path}' were refused")
+
+
+def _gains(data: Mapping[str, Any]) -> Gains:
+    surface = dict(data["surface"])
+    model = data["model"]
+    return Gains(
+        robot=data["robot"],
+        joint_names=tuple(data["joint_names"]),
+        dt=float(data["dt"]),
+        **{name: np.array(data[name], dtype=np.float64) for name in ("k1", "k2", "margin")},
+        surface=_SURFACES[surface.pop("type")](**surface),
+        payload=float(model["payload"]),
+        payload_com=np.array(model["payload_com"], dtype=np.float64),
+        payload_frame=model["payload_frame"],
+        armature=np.array(model["armature"], dtype=np.float64),
+    )
+
+
+def _worst(case: Any) -> dict[str, Any]:
+    sample = case.sample
+    drawn = {name: value for name, value in vars(sample).items() if name != "plant"}
+    names = ("noisy", "error", "variation", "needed", "reason")
+    return drawn | {name: getattr(case, name) for name in names}
+
+
+def _plain(value: Any) -> Any:
+    """Plain JSON data; infinite numbers become null."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value

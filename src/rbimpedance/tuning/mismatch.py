@@ -1,0 +1,198 @@
+"""How far plants are from the controller's model, measured over sampled motions around a trajectory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from .._arrays import Array
+from ..dynamics import COULOMB_SMOOTHING, ArmModel
+from ..trajectories import Reference
+from .motions import Motion
+from .uncertainty import PlantSample, Uncertainty
+
+_SHARES = np.linspace(0.0, 1.0, 11)  # of the payload's range that the model may carry
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Mismatch:
+    """What plants and model differ by at most over the sampled motions; arrays have shape (nv,).
+
+    G = M_true⁻¹·κ·M_model is what the plant makes of an acceleration that the controller asks for, with κ the torque
+    constants; friction adds h·D(v) to M_true, because a torque held for a period h works against it.
+
+    Attributes:
+        torque: Largest torque that the model misses [N·m or N].
+        disturbance: Largest acceleration that it stands for, of M_true⁻¹·(torque missed) [rad/s² or m/s²].
+        disturbance_rate: Largest rate of that, on the trajectory and around it [rad/s³ or m/s³].
+        inertia: Smallest effective inertia 1/(M_true⁻¹)ᵢᵢ [kg·m² or kg].
+        gain_low: Smallest eigenvalue of G.
+        gain_high: Largest eigenvalue of G.
+        joint_low: Joint that takes the largest part in the motion of the smallest eigenvalue.
+        joint_high: The same for the largest one.
+        rho: The larger one of gain_high and 1/gain_low.
+        extremes: Indices of the samples with the largest and smallest gain, the largest torque mismatch in
+            proportion to inertia, and the largest rate.
+    """
+
+    torque: Array
+    disturbance: Array
+    disturbance_rate: Array
+    inertia: Array
+    gain_low: float
+    gain_high: float
+    joint_low: int
+    joint_high: int
+    extremes: tuple[int, ...]
+
+    @property
+    def rho(self) -> float:
+        """The larger one of gain_high and 1/gain_low."""
+        return max(self.gain_high, 1.0 / self.gain_low)
+
+
+class _Seen(NamedTuple):
+    """What one sample shows over all motions."""
+
+    torque: Array
+    disturbance: Array
+    rate: Array
+    inertia: Array
+    low: tuple[float, int]
+    high: tuple[float, int]
+
+
+def measure(
+    model: ArmModel, samples: Sequence[PlantSample], motions: Sequence[Motion], dt: float
+) -> Mismatch:
+    """Measure the largest mismatch between a model and plants.
+
+    Args:
+        model: The controller's.
+        samples: Plants.
+        motions: From `sample_motions`.
+        dt: Control period [s].
+    """
+    seen = [_look(model, sample, motions, dt) for sample in samples]
+    inertia = np.min([one.inertia for one in seen], axis=0)
+    lows, highs = [one.low[0] for one in seen], [one.high[0] for one in seen]
+    accelerations = [float((one.torque / inertia).max()) for one in seen]
+    rates = [float(one.rate.max()) for one in seen]
+    extremes = (np.argmax(highs), np.argmin(lows), np.argmax(accelerations), np.argmax(rates))
+    return Mismatch(
+        torque=np.max([one.torque for one in seen], axis=0),
+        disturbance=np.max([one.disturbance for one in seen], axis=0),
+        disturbance_rate=np.max([one.rate for one in seen], axis=0),
+        inertia=inertia,
+        gain_low=min(lows),
+        gain_high=max(highs),
+        joint_low=seen[int(extremes[1])].low[1],
+        joint_high=seen[int(extremes[0])].high[1],
+        extremes=tuple(dict.fromkeys(int(i) for i in extremes)),
+    )
+
+
+def carried_model(
+    arm: ArmModel, uncertainty: Uncertainty, motions: Sequence[Motion], dt: float
+) -> tuple[ArmModel, float]:
+    """Return the model that the controller should carry, and the payload in it [kg].
+
+    Payload and armature stand inside their ranges where the input gain is wrong by about the same factor at both ends.
+    Friction that is stiff against the period joins the armature, as a torque held for a period meets it.
+
+    Args:
+        arm: The arm as it is modelled.
+        uncertainty: What is not known.
+        motions: From `sample_motions`.
+        dt: Control period [s].
+    """
+    samples = uncertainty.extremes(arm)
+    few = motions[:: max(len(motions) // 6, 1)]
+    com = uncertainty.payload_com.mean(axis=0)
+    best, best_rho, carried = arm, np.inf, 0.0
+    for share in (_SHARES if _is_uncertain(uncertainty) else _SHARES[:1]).tolist():
+        payload = float(_between(uncertainty.payload, share))
+        model = arm.with_payload(payload, com, frame=uncertainty.payload_frame)
+        if uncertainty.armature is not None:
+            model = model.with_armature(_between(uncertainty.armature, share))
+        model = _with_friction_over_period(model, uncertainty, few, dt)
+        rho = measure(model, samples, few, dt).rho
+        if rho < best_rho:
+            best, best_rho, carried = model, rho, payload
+    return best, carried
+
+
+def _look(model: ArmModel, sample: PlantSample, motions: Sequence[Motion], dt: float) -> _Seen:
+    """Measure one plant."""
+    nv, kappa = model.nv, sample.torque_constant
+    torque, disturbance, rate = np.zeros(nv), np.zeros(nv), np.zeros(nv)
+    inertia, low, high = np.full(nv, np.inf), (np.inf, 0), (0.0, 0)
+    softest, stiffest = (dt * slope for slope in _friction_slopes(sample.plant))
+    for now, then in motions:
+        missed, pushed = _missed(model, sample, now, softest)
+        _, pushed_then = _missed(model, sample, then, softest)
+        torque = np.maximum(torque, np.abs(missed))
+        disturbance = np.maximum(disturbance, np.abs(pushed))
+        rate = np.maximum(rate, np.abs(pushed_then - pushed) / dt)
+        M_true = sample.plant.unchecked.mass_matrix(now.q)
+        M_model = kappa[:, None] * model.unchecked.mass_matrix(now.q)
+        inertia = np.minimum(inertia, 1.0 / np.diag(np.linalg.inv(M_true + np.diag(softest))))
+        for slope in (softest, stiffest) if (stiffest > softest).any() else (softest,):
+            gains = _gains(M_true + np.diag(slope), M_model)
+            low, high = min(low, gains[0]), max(high, gains[1])
+    return _Seen(torque, disturbance, rate, inertia, low, high)
+
+
+def _missed(
+    model: ArmModel, sample: PlantSample, motion: Reference, held: Array
+) -> tuple[Array, Array]:
+    """Torque that the model misses on a motion, and the acceleration that it stands for."""
+    asked = sample.torque_constant * model.unchecked.inverse_dynamics(*motion)
+    missed = sample.plant.unchecked.inverse_dynamics(*motion) - asked
+    M = sample.plant.unchecked.mass_matrix(motion.q) + np.diag(held)
+    return missed, np.asarray(np.linalg.solve(M, missed), dtype=np.float64)
+
+
+def _gains(M_true: Array, M_model: Array) -> tuple[tuple[float, int], tuple[float, int]]:
+    """Smallest and largest eigenvalue of M_true⁻¹·M_model, each with the joint that moves most of its energy."""
+    values, vectors = np.linalg.eig(np.linalg.solve(M_true, M_model))
+    shares = np.abs(vectors * (M_true @ vectors))
+    joints, sizes = shares.argmax(axis=0), np.abs(values)
+    i, j = int(sizes.argmin()), int(sizes.argmax())
+    return (float(sizes[i]), int(joints[i])), (float(sizes[j]), int(joints[j]))
+
+
+def _with_friction_over_period(
+    model: ArmModel, uncertainty: Uncertainty, motions: Sequence[Motion], dt: float
+) -> ArmModel:
+    """Add to the armature what friction does over a period, between its softest and its stiffest, geometrically."""
+    softest, stiffest = _friction_slopes(model)
+    viscous, coulomb = uncertainty.viscous, uncertainty.coulomb
+    softest = softest + viscous[0]
+    stiffest = stiffest + viscous[1] + coulomb[1] / COULOMB_SMOOTHING
+    if not (stiffest > 0.0).any():
+        return model
+    effective = [1.0 / np.diag(np.linalg.inv(model.mass_matrix(now.q))) for now, _ in motions]
+    inertia = np.min(effective, axis=0)
+    added = np.sqrt((inertia + dt * softest) * (inertia + dt * stiffest)) - inertia
+    return model.with_armature(model.armature + added)
+
+
+def _friction_slopes(arm: ArmModel) -> tuple[Array, Array]:
+    """Slope of friction over speed, far from standstill and at it, each of shape (nv,)."""
+    return arm.viscous, arm.viscous + arm.coulomb / COULOMB_SMOOTHING
+
+
+def _is_uncertain(uncertainty: Uncertainty) -> bool:
+    ranges = [uncertainty.payload] + (
+        [] if uncertainty.armature is None else [uncertainty.armature]
+    )
+    return any((low != high).any() for low, high in ranges)
+
+
+def _between(range_: Array, share: float) -> Array:
+    between: Array = range_[0] + share * (range_[1] - range_[0])
+    return between

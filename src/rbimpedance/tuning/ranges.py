@@ -1,0 +1,81 @@
+"""Ranges as users give them: one number or a pair, checked once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._arrays import Array, gain, real, vector
+from ..exceptions import DimensionError, GainError
+
+
+def is_positive(x: Array) -> Any:
+    """Elementwise, for the predicates below."""
+    return x > 0.0
+
+
+def is_not_negative(x: Array) -> Any:
+    """Elementwise, for the predicates below."""
+    return x >= 0.0
+
+
+def range_of(
+    name: str, value: ArrayLike, nominal: float, is_admissible: Callable[[Array], Any]
+) -> Array:
+    """A (lowest, highest) pair; one number stands for all between nominal and that."""
+    words = "a number or a (lowest, highest) pair, both finite and possible"
+    array = real(name, value, words)
+    if array.ndim == 0:
+        array = np.array([np.minimum(nominal, array), np.maximum(nominal, array)])
+    if array.ndim > 2 or array.shape[0] != 2:
+        raise DimensionError(name, words, f"shape {array.shape}")
+    if not np.isfinite(array).all() or not is_admissible(array).all():
+        raise GainError(name, value, words)
+    if (array[0] > array[1]).any():
+        raise GainError(name, value, "a (lowest, highest) pair in this order")
+    array = np.array(array)
+    array.setflags(write=False)
+    return array
+
+
+def scalar_range(
+    name: str, value: ArrayLike, nominal: float, is_admissible: Callable[[Array], Any]
+) -> Array:
+    """The same with a pair of numbers, not of vectors, shape (2,)."""
+    array = range_of(name, value, nominal, is_admissible)
+    if array.ndim != 1:
+        raise DimensionError(name, "a number or a pair of numbers", f"shape {array.shape}")
+    return array
+
+
+def constant_range(value: ArrayLike) -> Array:
+    """(1 - x, 1 + x) from one number, else the pair."""
+    if np.ndim(value) == 0:
+        error = size("torque_constant", value)
+        value = (1.0 - error, 1.0 + error)
+    return range_of("torque_constant", value, 1.0, is_positive)
+
+
+def box(name: str, value: ArrayLike) -> Array:
+    """One point (3,) or two opposite corners (2, 3)."""
+    words = "a point of shape (3,) or two corners of shape (2, 3)"
+    array = real(name, value, words)
+    if array.shape not in ((3,), (2, 3)):
+        raise DimensionError(name, words, f"shape {array.shape}")
+    corners = array if array.ndim == 2 else np.stack([array, array])
+    box = np.stack([vector(name, corner, 3, "x, y, z") for corner in corners])
+    if (box[0] > box[1]).any():
+        raise GainError(name, value, "two corners, the lower one first in every coordinate")
+    box.setflags(write=False)
+    return box
+
+
+def size(name: str, value: Any) -> float:
+    """A finite number that is not negative."""
+    array = gain(name, value, "zero or positive", is_not_negative)
+    if array.ndim:
+        raise GainError(name, value, "a single number, zero or positive")
+    return float(array)

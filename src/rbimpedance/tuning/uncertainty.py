@@ -1,0 +1,249 @@
+"""`Uncertainty`: what a user does not know about an arm, and plants drawn from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._arrays import Array, per_joint
+from .._frozen import set_fields
+from ..controller import Controller
+from ..dynamics import ArmModel
+from .imperfect import ImperfectController, whole_number
+from .ranges import box, constant_range, is_not_negative, is_positive, range_of, scalar_range, size
+
+CORNERS = 16
+"""At most this many extremes are among the first samples."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlantSample:
+    """One arm that the uncertainty allows.
+
+    Attributes:
+        plant: The arm, for `simulate`.
+        payload: Mass at the tool [kg].
+        com: Its centre of mass in the payload frame's axes, shape (3,) [m].
+        inertia_scale: Factor on the links' masses and inertias.
+        viscous: Friction beyond the arm's own, shape (nv,) [N·m·s/rad or N·s/m].
+        coulomb: The same, shape (nv,) [N·m or N].
+        armature: Reflected rotor inertia, shape (nv,) [kg·m² or kg].
+        torque_constant: Torque that acts over torque that is asked for, shape (nv,).
+        tilt: Rotation of gravity about the world's x and y axes, shape (2,) [rad].
+        position_noise: Standard deviation [rad or m].
+        velocity_noise: Standard deviation [rad/s or m/s].
+        delay: Of the measurements [ticks].
+        seed: Of the noise.
+    """
+
+    plant: ArmModel
+    payload: float
+    com: Array
+    inertia_scale: float
+    viscous: Array
+    coulomb: Array
+    armature: Array
+    torque_constant: Array
+    tilt: Array
+    position_noise: float
+    velocity_noise: float
+    delay: int
+    seed: int
+
+    def around(self, controller: Controller[Any], *, noisy: bool = True) -> Controller[Any]:
+        """Return the controller behind this sample's sensors and actuators.
+
+        Args:
+            controller: Any controller; where the loop is perfect it comes back as it is.
+            noisy: False leaves the noise out; delay and torque constants stay.
+        """
+        noisy = noisy and (self.position_noise > 0.0 or self.velocity_noise > 0.0)
+        if not noisy and self.delay == 0 and (self.torque_constant == 1.0).all():
+            return controller
+        return ImperfectController(
+            controller,
+            position_noise=noisy * self.position_noise,
+            velocity_noise=noisy * self.velocity_noise,
+            delay=self.delay,
+            torque_constant=self.torque_constant,
+            seed=self.seed,
+        )
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Uncertainty:
+    """Ranges of what the controller's model may be wrong about; everything is as the arm's model says by default.
+
+    A range is a (lowest, highest) pair, or one number, which stands for all from "as modelled" to that number.
+
+    Attributes:
+        payload: Point mass at the payload frame [kg], shape (2,).
+        payload_com: Its position in that frame's axes [m], shape (2, 3): one point, or the corners of a box.
+        payload_frame: Frame of the payload; the tool frame by default.
+        inertia_scale: Factor on all links' masses and inertias, shape (2,).
+        viscous: Friction beyond what the arm's model has, shape (2,) or (2, nv) [N·m·s/rad or N·s/m].
+        coulomb: The same, shape (2,) or (2, nv) [N·m or N].
+        armature: True reflected rotor inertia, shape (2,) or (2, nv) [kg·m² or kg]; None where the arm's own is right.
+        torque_constant: Torque that acts over torque that is asked for, shape (2,) or (2, nv); one number x stands for
+            an error of either sign, (1 - x, 1 + x).
+        gravity_tilt: Largest angle between gravity and what the model takes it for [rad].
+        position_noise: Standard deviation of white noise on q [rad or m].
+        velocity_noise: Standard deviation of white noise on v [rad/s or m/s].
+        delay: Ticks from a measurement to the torque that it leads to.
+
+    Raises:
+        GainError: A range that is empty, or with values that cannot be.
+        DimensionError: Neither a number nor a pair.
+    """
+
+    payload: Array
+    payload_com: Array
+    payload_frame: str | None
+    inertia_scale: Array
+    viscous: Array
+    coulomb: Array
+    armature: Array | None
+    torque_constant: Array
+    gravity_tilt: float
+    position_noise: float
+    velocity_noise: float
+    delay: int
+
+    def __init__(
+        self,
+        payload: ArrayLike = 0.0,
+        inertia_scale: ArrayLike = 1.0,
+        viscous: ArrayLike = 0.0,
+        coulomb: ArrayLike = 0.0,
+        *,
+        payload_com: ArrayLike = (0.0, 0.0, 0.0),
+        payload_frame: str | None = None,
+        armature: ArrayLike | None = None,
+        torque_constant: ArrayLike = 0.0,
+        gravity_tilt: float = 0.0,
+        position_noise: float = 0.0,
+        velocity_noise: float = 0.0,
+        delay: int = 0,
+    ) -> None:
+        set_fields(
+            self,
+            payload=scalar_range("payload", payload, 0.0, is_not_negative),
+            payload_com=box("payload_com", payload_com),
+            payload_frame=payload_frame,
+            inertia_scale=scalar_range("inertia_scale", inertia_scale, 1.0, is_positive),
+            viscous=range_of("viscous", viscous, 0.0, is_not_negative),
+            coulomb=range_of("coulomb", coulomb, 0.0, is_not_negative),
+            armature=None
+            if armature is None
+            else range_of("armature", armature, 0.0, is_not_negative),
+            torque_constant=constant_range(torque_constant),
+            gravity_tilt=size("gravity_tilt", gravity_tilt),
+            position_noise=size("position_noise", position_noise),
+            velocity_noise=size("velocity_noise", velocity_noise),
+            delay=whole_number("delay", delay),
+        )
+
+    def sample(self, arm: ArmModel, count: int, *, seed: int = 0) -> tuple[PlantSample, ...]:
+        """Draw plants: first the extremes (payload and inertia vary fastest), then uniformly within the ranges.
+
+        Sample i depends on the seed and on i alone, so a longer draw begins with the shorter one.
+
+        Args:
+            arm: The arm as it is modelled.
+            count: How many, at least 1.
+            seed: Of the draw and of the noise.
+
+        Raises:
+            GainError: `count` or `seed` is not a whole number, or `count` is 0.
+            DimensionError: A range is given for another number of joints.
+            ModelError: The arm has no frame `payload_frame`.
+        """
+        whole_number("count", count, 1)
+        ranges = self._ranges(arm)
+        uncertain = [name for name, range_ in ranges.items() if (range_[0] != range_[1]).any()]
+        corners = min(2 ** len(uncertain), CORNERS)
+        samples = []
+        for i in range(count):
+            rng = np.random.default_rng((whole_number("seed", seed), i))
+            share = {name: rng.uniform(size=range_.shape[1]) for name, range_ in ranges.items()}
+            if i < corners:
+                share |= {name: _bit(i, k) for k, name in enumerate(uncertain)}
+            drawn = {name: low + share[name] * (high - low) for name, (low, high) in ranges.items()}
+            samples.append(self._plant(arm, drawn, seed=1000 * seed + i))
+        return tuple(samples)
+
+    def extremes(self, arm: ArmModel) -> tuple[PlantSample, ...]:
+        """Return the corners of the ranges alone, at most `CORNERS`.
+
+        Args:
+            arm: The arm as it is modelled.
+        """
+        uncertain = sum((low != high).any() for low, high in self._ranges(arm).values())
+        return self.sample(arm, min(2**uncertain, CORNERS))
+
+    def but(self, **changes: Any) -> Uncertainty:
+        """Return a copy with other ranges, by the names of the attributes."""
+        return Uncertainty(**({name: getattr(self, name) for name in vars(self)} | changes))
+
+    def _ranges(self, arm: ArmModel) -> dict[str, Array]:
+        """Every range with its lowest and highest entries as two vectors."""
+        own = np.stack([arm.armature, arm.armature])
+        per_joints = {
+            "armature": own if self.armature is None else self.armature,
+            "viscous": self.viscous,
+            "coulomb": self.coulomb,
+            "torque_constant": self.torque_constant,
+        }
+        tilt = np.full(2, self.gravity_tilt / np.sqrt(2.0))
+        return (
+            {"payload": self.payload[:, None], "inertia_scale": self.inertia_scale[:, None]}
+            | {
+                name: np.stack([per_joint(name, bound, arm.nv) for bound in range_])
+                for name, range_ in per_joints.items()
+            }
+            | {"com": self.payload_com, "tilt": np.stack([-tilt, tilt])}
+        )
+
+    def _plant(self, arm: ArmModel, drawn: dict[str, Array], seed: int) -> PlantSample:
+        """Build one plant from what was drawn; what equals the model leaves the model as it is."""
+        payload, scale = float(drawn["payload"][0]), float(drawn["inertia_scale"][0])
+        plant = arm.with_scaled_inertia(scale) if scale != 1.0 else arm
+        plant = plant.with_friction(
+            arm.viscous + drawn["viscous"], arm.coulomb + drawn["coulomb"]
+        ).with_armature(drawn["armature"])
+        if drawn["tilt"].any():
+            gravity = np.array(arm.unchecked.model.gravity.linear)
+            plant = plant.with_gravity(tilted(gravity, drawn["tilt"]))
+        return PlantSample(
+            plant=plant.with_payload(payload, drawn["com"], frame=self.payload_frame),
+            payload=payload,
+            inertia_scale=scale,
+            **{k: drawn[k] for k in ("com", "viscous", "coulomb", "armature", "torque_constant")},
+            tilt=drawn["tilt"],
+            position_noise=self.position_noise,
+            velocity_noise=self.velocity_noise,
+            delay=self.delay,
+            seed=seed,
+        )
+
+
+def tilted(gravity: Array, tilt: Array) -> Array:
+    """Return a vector turned about the world's axes x and y by two angles (Rodrigues' formula), shape (3,)."""
+    angle = float(np.linalg.norm(tilt))
+    if angle == 0.0:
+        return gravity.copy()
+    axis = np.array([tilt[0], tilt[1], 0.0]) / angle
+    turned: Array = (
+        np.cos(angle) * gravity
+        + np.sin(angle) * np.cross(axis, gravity)
+        + (1.0 - np.cos(angle)) * (axis @ gravity) * axis
+    )
+    return turned
+
+
+def _bit(i: int, k: int) -> float:
+    """1.0 at the high end of range k in corner i, else 0.0; corner 0 is high everywhere."""
+    return float(not (i >> k) & 1)

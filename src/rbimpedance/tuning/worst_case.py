@@ -1,0 +1,173 @@
+"""The last word on gains: the closed loop with the worst plants that the uncertainty allows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from .._arrays import Array
+from ..controller import ImpedanceController
+from ..dynamics import ArmModel
+from ..exceptions import DivergenceError
+from ..impedance import Impedance
+from ..result import SimulationResult
+from ..simulation import simulate
+from ..super_twisting import SuperTwisting
+from ..trajectories import Trajectory
+from .gain_design import Design, Task
+from .uncertainty import PlantSample
+
+CHATTER_RATIO = 1.5
+"""Torque that varies more than this times what the motion needs, and by 1 N·m/s more, chatters."""
+
+NOISE_ERROR_RATIO = 30.0
+"""A noisy loop whose error is more than this times what noise stands for has lost its bounds."""
+
+_LATE = 0.6  # share of the run after which errors and variations are taken
+_CHATTER_FLOOR = 1.0  # N·m/s
+_STRIDE = 10  # ticks between the instants at which the torque that a motion needs is taken
+
+
+class ExtremeCase(NamedTuple):
+    """One plant in closed loop with the proposed gains; arrays have shape (nv,).
+
+    Attributes:
+        sample: The plant.
+        noisy: Whether the sensors had the uncertainty's noise.
+        result: The log, up to the divergence where there was one.
+        error: Largest true error abs(e1) over the last two fifths [rad or m].
+        variation: Variation of the torque over that time [N·m/s or N/s].
+        needed: Variation that the motion itself needs [N·m/s or N/s].
+        joint: Joint that failed, or None.
+        reason: Why, or empty.
+        unstable: Whether it failed by divergence or chatter, which a slower scheme may mend.
+    """
+
+    sample: PlantSample
+    noisy: bool
+    result: SimulationResult
+    error: Array
+    variation: Array
+    needed: Array
+    joint: int | None
+    reason: str
+    unstable: bool
+
+    @property
+    def true_error(self) -> Array:
+        """True error e1 at all times, which sensors do not disturb, shape (N, nv) [rad or m]."""
+        return true_error(self.sample.plant, self.result)
+
+
+def controller_for(design: Design, dt: float, impedance: Impedance) -> ImpedanceController:
+    """Return the controller with a design's model and gains."""
+    reaching = SuperTwisting(design.k1, design.k2, "matched", design.margin)
+    return ImpedanceController(design.measured.model, impedance, design.surface, reaching, dt)
+
+
+def worst_cases(
+    task: Task,
+    design: Design,
+    impedance: Impedance,
+    q0: Array,
+    on_tick: Callable[[int, int], None] | None = None,
+) -> Iterator[ExtremeCase]:
+    """Simulate the extreme samples without noise, and then with it.
+
+    Args:
+        task: What was asked for.
+        design: Gains with a finite margin.
+        impedance: Target impedance.
+        q0: Initial configuration, shape (nq,).
+        on_tick: Called with (ticks done, ticks in all) of every run.
+    """
+    samples = [design.measured.samples[i] for i in design.measured.mismatch.extremes]
+    noisy = bool(design.noise_error.max() > 0.0)
+    for with_noise in (False, True) if noisy else (False,):
+        for sample in samples:
+            yield _run(task, design, impedance, q0, sample, with_noise, on_tick)
+
+
+def true_error(plant: ArmModel, result: SimulationResult) -> Array:
+    """Return q_r (-) q over time, without the sensors' noise and delay, shape (N, nv) [rad or m]."""
+    pairs = zip(result.q, result.q_r, strict=True)
+    return np.array([plant.unchecked.difference(q, q_r) for q, q_r in pairs])
+
+
+def needed_variation(plant: ArmModel, trajectory: Trajectory, times: Array) -> Array:
+    """Return the variation per second of the torque that a motion needs, shape (nv,) [N·m/s or N/s].
+
+    Args:
+        plant: The arm that moves.
+        trajectory: The motion.
+        times: Instants to take, increasing.
+    """
+    tau = np.array([plant.unchecked.inverse_dynamics(*trajectory(t)) for t in times.tolist()])
+    variation: Array = np.abs(np.diff(tau, axis=0)).sum(axis=0) / (times[-1] - times[0])
+    return variation
+
+
+def _run(
+    task: Task,
+    design: Design,
+    impedance: Impedance,
+    q0: Array,
+    sample: PlantSample,
+    noisy: bool,
+    on_tick: Callable[[int, int], None] | None,
+) -> ExtremeCase:
+    controller = sample.around(controller_for(design, task.dt, impedance), noisy=noisy)
+    ticks = max(round(task.duration / task.dt), 10)
+    diverged = None
+    try:
+        result = simulate(
+            controller,
+            sample.plant,
+            task.trajectory,
+            q0=q0,
+            duration=ticks * task.dt,
+            on_tick=on_tick,
+        )
+    except DivergenceError as failure:
+        result, diverged = failure.result, failure
+    after = _LATE * ticks * task.dt
+    late = result.t >= after
+    if diverged is not None:
+        infinite = np.full(task.arm.nv, np.inf)
+        joint = task.arm.joint_names.index(diverged.joint)
+        reason = f"joint '{diverged.joint}' diverges after {diverged.time:.3g} s"
+        return ExtremeCase(sample, noisy, result, infinite, infinite, infinite, joint, reason, True)
+    error = np.abs(true_error(sample.plant, result)[late]).max(axis=0)
+    variation = result.metrics(after=after)["tau_variation"]
+    needed = needed_variation(sample.plant, task.trajectory, result.t[late][::_STRIDE])
+    verdict = _verdict(task, design, noisy, error, variation, needed)
+    return ExtremeCase(sample, noisy, result, error, variation, needed, *verdict)
+
+
+def _verdict(
+    task: Task, design: Design, noisy: bool, error: Array, variation: Array, needed: Array
+) -> tuple[int | None, str, bool]:
+    """The joint that fails, why, and whether it is unstable."""
+    names = task.arm.joint_names
+    times = np.linspace(0.0, task.duration, 50).tolist()
+    speed = np.max([np.abs(task.trajectory(t).v) for t in times], axis=0)
+    late = task.uncertainty.delay * task.dt * speed  # how far the arm moves before its sensors tell
+    allowed = task.accuracy + late + NOISE_ERROR_RATIO * design.noise_error * noisy
+    joint = int(np.argmax(variation - needed))
+    ceiling = CHATTER_RATIO * float(needed.sum()) + _CHATTER_FLOOR
+    if not noisy and float(variation.sum()) > ceiling:
+        reason = (
+            f"joint '{names[joint]}' chatters: its torque varies by {variation[joint]:.3g} N·m/s where the motion "
+            f"needs {needed[joint]:.3g}"
+        )
+        return joint, reason, True
+    joint = int(np.argmax(error / allowed))
+    if error[joint] > allowed[joint]:
+        reason = (
+            f"joint '{names[joint]}' keeps an error of {error[joint]:.3g} rad in simulation, where "
+            f"{allowed[joint]:.3g} is allowed"
+        )
+        return joint, reason, False
+    return None, "", False

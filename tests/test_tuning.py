@@ -1,0 +1,465 @@
+"""Proposed gains hold on plants that they have not seen, and a no names the joint, the reason and the ways out."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+import rbimpedance as rbi
+from rbimpedance import cli
+from rbimpedance._arrays import Array
+from rbimpedance.trajectories import Trajectory, cosine, hold
+from rbimpedance.tuning import GainProposal, PlantSample, Uncertainty, propose_gains
+from rbimpedance.tuning.gain_design import Design, Task, design, measure_task
+from rbimpedance.tuning.gains_file import load_gains, save_gains
+from rbimpedance.tuning.input_gain import gain_limit, needed_margin
+from rbimpedance.tuning.mismatch import Mismatch, carried_model, measure
+from rbimpedance.tuning.motions import Spread, sample_motions
+
+from .arms import manipulator, pendulum
+
+DT = 4e-3
+UNKNOWN = Uncertainty(payload=1.0, inertia_scale=1.1)
+
+
+def swing(arm: rbi.ArmModel) -> Trajectory:
+    return cosine(arm, amplitude=0.2, period=6.0)
+
+
+def propose(
+    arm: rbi.ArmModel, uncertainty: Uncertainty, dt: float = DT, **more: Any
+) -> GainProposal:
+    return propose_gains(arm, uncertainty, swing(arm), dt, duration=3.0, samples=8, **more)
+
+
+@pytest.fixture(scope="module")
+def two_link() -> rbi.ArmModel:
+    return rbi.load_robot("two_link")
+
+
+@pytest.fixture(scope="module")
+def accepted(two_link: rbi.ArmModel) -> GainProposal:
+    return propose(two_link, UNKNOWN)
+
+
+@pytest.fixture(scope="module")
+def refused(two_link: rbi.ArmModel) -> GainProposal:
+    return propose(two_link, Uncertainty(payload=8.0, delay=4), dt=2e-2)
+
+
+def late_error(proposal: GainProposal, sample: PlantSample) -> float:
+    """Largest true error over the last second of 3 s."""
+    arm = proposal.nominal
+    controller = sample.around(proposal.controller())
+    result = rbi.simulate(controller, sample.plant, swing(arm), q0=arm.neutral, duration=3.0)
+    late = result.t >= 2.0
+    last = zip(result.q[late], result.q_r[late], strict=True)
+    return max(float(np.abs(arm.difference(q, q_r)).max()) for q, q_r in last)
+
+
+def mismatch_of(arm: rbi.ArmModel, uncertainty: Uncertainty) -> Mismatch:
+    """Mismatch between an arm and the plants that an uncertainty about it allows."""
+    motions = sample_motions(arm, swing(arm), 3.0, DT, 9, seed=0, spread=Spread())
+    return measure(arm, uncertainty.sample(arm, 8), motions, DT)
+
+
+# --- what a margin bears ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("margin", [1.0, 2.0, 4.0, 10.0])
+def test_gain_limit_of_a_prompt_loop_has_a_closed_form(margin: float) -> None:
+    assert gain_limit(0.5, margin, 0, 0.0) == pytest.approx(
+        4.0 * margin**2 / (4.0 * margin - 1.0), rel=1e-6
+    )
+
+
+@pytest.mark.parametrize("delay", [0, 1, 2])
+@pytest.mark.parametrize("slope", [0.0, 30.0])
+def test_scheme_settles_just_below_its_gain_limit_and_not_just_above(
+    delay: int, slope: float
+) -> None:
+    h, margin = 1e-3, 12.0
+    limit = gain_limit(1.0, margin, delay, slope * h)
+    assert amplitude(0.97 * limit, margin, delay, slope, h) < 1e-12
+    assert amplitude(1.03 * limit, margin, delay, slope, h) > 1e-8
+
+
+def amplitude(g: float, margin: float, delay: int, slope: float, h: float) -> float:
+    """Size of s after a long run of the sampled loop ė1 = e2, ė2 = -g·A with the scheme itself."""
+    law = rbi.SuperTwisting(k1=8.0, k2=10.0, margin=margin)
+    e1, e2 = np.array([1e-6]), np.array([1e-6])
+    state, seen = law.start(slope * e1 + e2), [(e1, e2)] * (delay + 1)
+    for _ in range(8000):
+        late1, late2 = seen[0]
+        u, state = law.step(slope * late1 + late2, state, h)
+        a = g * (slope * late2 + u) / (1.0 + slope * h / 2.0)
+        e1, e2 = e1 + h * e2 - h**2 / 2.0 * a, e2 - h * a
+        seen = [*seen[1:], (e1, e2)]
+    return float(abs(slope * e1 + e2)[0])
+
+
+@pytest.mark.parametrize("delay", [0, 2])
+def test_needed_margin_bears_the_gains_that_it_is_asked_for_and_is_the_smallest(delay: int) -> None:
+    margin = needed_margin(0.4, 3.0, delay, 0.05)
+    assert gain_limit(0.4, margin, delay, 0.05) == pytest.approx(3.0, rel=1e-3)
+
+
+def test_needed_margin_grows_with_delay_and_is_infinite_where_nothing_helps() -> None:
+    margins = [needed_margin(0.5, 2.0, delay, 0.05) for delay in range(4)]
+    assert margins == sorted(margins)
+    assert needed_margin(0.5, 50.0, 5, 0.3) == np.inf
+
+
+# --- how far plants are from the model ----------------------------------------------------------------------------
+
+
+def test_links_twice_as_heavy_answer_with_half_the_acceleration(two_link: rbi.ArmModel) -> None:
+    arm = two_link.with_friction(0.0, 0.0)
+    found = mismatch_of(arm, Uncertainty(inertia_scale=(2.0, 2.0)))
+    np.testing.assert_allclose([found.gain_low, found.gain_high], 0.5, rtol=1e-9)
+    assert found.rho == pytest.approx(2.0)
+
+
+def test_torque_constant_is_an_input_gain(two_link: rbi.ArmModel) -> None:
+    arm = two_link.with_friction(0.0, 0.0)
+    found = mismatch_of(arm, Uncertainty(torque_constant=(1.25, 1.25)))
+    np.testing.assert_allclose([found.gain_low, found.gain_high], 1.25, rtol=1e-9)
+
+
+def test_payload_gains_are_generalised_eigenvalues() -> None:
+    arm = manipulator().with_friction(0.0, 0.0)
+    plant = arm.with_payload(3.0)
+    motions = sample_motions(arm, hold(arm), 1.0, DT, 2, seed=0, spread=Spread())
+    found = measure(arm, Uncertainty(payload=(3.0, 3.0)).sample(arm, 1), motions, DT)
+    values = np.concatenate(
+        [
+            scipy.linalg.eigvalsh(arm.mass_matrix(now.q), plant.mass_matrix(now.q))
+            for now, _ in motions
+        ]
+    )
+    assert found.gain_low == pytest.approx(values.min(), rel=1e-9)
+    assert found.gain_high == pytest.approx(values.max(), rel=1e-9)
+
+
+def test_missed_torque_of_a_pendulum_is_the_weight_that_it_does_not_know() -> None:
+    arm = pendulum()
+    motions = sample_motions(arm, hold(arm, [np.pi / 2.0]), 1.0, DT, 1, seed=0, spread=Spread())[:1]
+    found = measure(arm, Uncertainty(payload=(1.0, 1.0)).sample(arm, 1), motions, DT)
+    np.testing.assert_allclose(found.torque, 1.0 * 9.81 * 0.5, rtol=1e-9)
+    np.testing.assert_allclose(found.inertia, 3.0 * 0.5**2, rtol=1e-9)
+    np.testing.assert_allclose(found.disturbance, 9.81 * 0.5 / (3.0 * 0.25), rtol=1e-9)
+
+
+def test_carried_payload_balances_the_gain_at_both_ends_of_the_range() -> None:
+    """A pendulum with bob M answers a model with bob c by c/M: the balance of [2, 6] kg is √12 - 2 kg of payload."""
+    arm = pendulum()
+    motions = sample_motions(arm, hold(arm), 1.0, DT, 2, seed=0, spread=Spread())
+    _, payload = carried_model(arm, Uncertainty(payload=4.0), motions, DT)
+    assert payload == pytest.approx(np.sqrt(12.0) - 2.0, abs=0.2)
+
+
+def test_stiff_friction_joins_the_armature_as_a_held_torque_meets_it() -> None:
+    """Viscous friction d alone: over a period h the joint answers with M/(M + h·d) of the free acceleration."""
+    arm = pendulum().with_friction(viscous=500.0)
+    motions = sample_motions(arm, hold(arm), 1.0, DT, 2, seed=0, spread=Spread())
+    model, _ = carried_model(arm, Uncertainty(), motions, DT)
+    np.testing.assert_allclose(model.armature, DT * 500.0, rtol=1e-9)
+    start = np.zeros(1)
+    push = model.inverse_dynamics(start, start, [1.0])
+    result = rbi.simulate(HeldTorque(arm, push), arm, hold(arm), q0=start, duration=DT, substeps=1)
+    np.testing.assert_allclose(result.v[-1], 1.0 * DT, rtol=1e-6)
+
+
+class HeldTorque:
+    """A controller that gives one torque for ever."""
+
+    def __init__(self, arm: rbi.ArmModel, tau: Array) -> None:
+        self.arm, self.dt, self.tau = arm, DT, tau
+
+    def init(self) -> int:
+        return 0
+
+    def step(self, state: int, *seen: Any) -> tuple[rbi.ControllerOutput, int]:
+        q, rest = np.array(seen[0]), np.zeros(self.arm.nv)
+        output: Any = dict.fromkeys(rbi.ControllerOutput._fields, rest)
+        return rbi.ControllerOutput(**(output | {"tau": self.tau, "q_r": q})), state
+
+    def impedance_error(self, output: rbi.ControllerOutput, a: Array) -> Array:
+        del a
+        return output.e1
+
+
+# --- proposals ----------------------------------------------------------------------------------------------------
+
+
+def test_accepted_gains_hold_on_plants_that_they_have_not_seen(accepted: GainProposal) -> None:
+    assert accepted.feasible
+    unseen = UNKNOWN.sample(accepted.nominal, 8, seed=99)
+    assert max(late_error(accepted, sample) for sample in unseen) < 1e-5
+
+
+def test_paper_gains_do_not_hold_on_those_plants(accepted: GainProposal) -> None:
+    arm = rbi.load_robot("two_link")
+    sample = UNKNOWN.sample(arm, 1)[0]
+    controller = rbi.ImpedanceController(
+        arm,
+        impedance=rbi.Impedance(mass=1.0, damping=10.0, stiffness=20.0),
+        surface=accepted.surface,
+        reaching=rbi.SuperTwisting(k1=0.8, k2=1.0),
+        dt=DT,
+    )
+    result = rbi.simulate(controller, sample.plant, swing(arm), q0=arm.neutral, duration=3.0)
+    assert np.abs(result.e1[-1]).max() > 100.0 * late_error(accepted, sample)
+
+
+def test_accepted_gains_have_a_certificate_and_the_margins_that_they_need(
+    accepted: GainProposal,
+) -> None:
+    assert accepted.certificate is not None
+    assert accepted.certificate.feasible.all()
+    assert accepted.gain_limit > accepted.mismatch.gain_high
+    assert (accepted.k2 * accepted.mismatch.gain_low > accepted.mismatch.disturbance_rate).all()
+    assert (accepted.k1**2 * accepted.mismatch.gain_low >= 4.0 * accepted.k2).all()
+
+
+def test_worst_samples_were_simulated_within_the_accuracy(accepted: GainProposal) -> None:
+    assert accepted.worst
+    assert all(case.joint is None for case in accepted.worst)
+    assert max(float(case.error.max()) for case in accepted.worst) < 1e-3
+
+
+def test_controller_carries_a_payload_inside_the_range(accepted: GainProposal) -> None:
+    assert 0.0 < accepted.payload < 1.0
+    q = np.array([0.3, -0.4])
+    between = [accepted.nominal.with_payload(m).mass_matrix(q)[0, 0] for m in (0.0, 1.0)]
+    assert between[0] < accepted.arm.mass_matrix(q)[0, 0] < between[1]
+
+
+def test_same_seed_proposes_the_same(accepted: GainProposal, two_link: rbi.ArmModel) -> None:
+    again = propose(two_link, UNKNOWN)
+    np.testing.assert_array_equal(again.k2, accepted.k2)
+    np.testing.assert_array_equal(again.worst[0].result.tau, accepted.worst[0].result.tau)
+
+
+def test_gains_for_an_arm_that_is_pushed_hold_while_it_is_pushed(two_link: rbi.ArmModel) -> None:
+    """A push of 8 N·m at 1.5 Hz moves the reference of M_d = 1 with up to 8 rad/s² at up to 0.8 rad/s."""
+    spread = Spread(position=0.1, velocity=0.8, acceleration=8.0)
+    proposal = propose(two_link, UNKNOWN, spread=spread)
+    assert proposal.feasible
+
+    def push(t: float) -> Array:
+        return np.array([8.0, -8.0]) * float(np.sin(2.0 * np.pi * 1.5 * t))
+
+    sample = UNKNOWN.sample(two_link, 1)[0]
+    result = rbi.simulate(
+        proposal.controller(),
+        sample.plant,
+        swing(two_link),
+        wrench=rbi.JointTorque(push),
+        q0=two_link.neutral,
+        duration=3.0,
+    )
+    assert np.abs(result.e1[result.t >= 2.0]).max() < 1e-3
+
+
+def test_spread_that_cannot_be_is_refused() -> None:
+    with pytest.raises(rbi.GainError, match="velocity"):
+        Spread(velocity=0.0)
+
+
+def test_refusal_names_the_joint_the_reason_and_ways_out(refused: GainProposal) -> None:
+    assert not refused.feasible
+    assert refused.joint in refused.nominal.joint_names
+    assert f"'{refused.joint}'" in refused.reason
+    assert any("shorter period" in way for way in refused.ways_out)
+    assert any("payload" in way for way in refused.ways_out)
+    assert refused.reason in refused.explain()
+
+
+def test_refused_gains_build_no_controller(refused: GainProposal) -> None:
+    with pytest.raises(rbi.GainError, match="ways_out"):
+        refused.controller()
+
+
+def test_way_out_that_is_called_enough_is_enough(two_link: rbi.ArmModel) -> None:
+    asked = Uncertainty(payload=2.0, delay=2)
+    too_slow = propose(two_link, asked, dt=1e-2)
+    way = next(way for way in too_slow.ways_out if way.startswith("a shorter period"))
+    assert way.endswith("; enough by the bounds")
+    found = re.search(r"dt = (\S+) s", way)
+    assert found is not None
+    assert not too_slow.feasible
+    assert propose(two_link, asked, dt=float(found[1])).feasible
+
+
+@pytest.mark.parametrize("payload", [2.0, 8.0, 32.0])
+@pytest.mark.parametrize("dt", [1e-2, 3e-2])
+def test_no_yes_fails_beyond_what_can_be_carried(
+    two_link: rbi.ArmModel, payload: float, dt: float
+) -> None:
+    proposal = propose(two_link, Uncertainty(payload=payload, inertia_scale=1.3), dt=dt)
+    if proposal.feasible:
+        sample = proposal.uncertainty.sample(two_link, 6, seed=7)[-1]
+        assert late_error(proposal, sample) < 1e-3
+    else:
+        assert proposal.joint in two_link.joint_names
+
+
+def test_gains_shrink_as_noise_grows(two_link: rbi.ArmModel) -> None:
+    gains = [
+        designed(two_link, position_noise=1e-4 * noise, velocity_noise=1e-3 * noise, delay=1)
+        for noise in (0.0, 0.3, 1.0, 3.0, 10.0)
+    ]
+    for quieter, louder in pairwise(gains):
+        assert (louder.k1 < quieter.k1).all()
+        assert (louder.k2 < quieter.k2).all()
+        assert louder.margin >= quieter.margin
+
+
+def test_gains_and_bandwidth_shrink_as_delay_grows(two_link: rbi.ArmModel) -> None:
+    gains = [designed(two_link, delay=delay) for delay in range(4)]
+    for sooner, later in pairwise(gains):
+        assert (later.k1 < sooner.k1).all()
+        assert (later.k2 < sooner.k2).all()
+        assert later.margin > sooner.margin
+
+
+def designed(arm: rbi.ArmModel, **imperfect: Any) -> Design:
+    """What the bounds call for, before any simulation."""
+    task = Task(
+        arm=arm,
+        uncertainty=Uncertainty(payload=1.0, **imperfect),
+        trajectory=swing(arm),
+        dt=1e-3,
+        surface=None,
+        duration=3.0,
+        accuracy=1e-3,
+        samples=6,
+        instants=9,
+        seed=0,
+        spread=Spread(),
+    )
+    return design(task, measure_task(task))
+
+
+def test_noisy_delayed_loop_stays_bounded(two_link: rbi.ArmModel) -> None:
+    uncertainty = Uncertainty(payload=1.0, position_noise=1e-4, velocity_noise=1e-3, delay=2)
+    proposal = propose(two_link, uncertainty)
+    assert proposal.feasible
+    assert any(case.noisy for case in proposal.worst)
+    for sample in uncertainty.sample(two_link, 3, seed=11):
+        assert late_error(proposal, sample) < 3e-3
+
+
+def test_light_wrists_are_carried_without_rotors() -> None:
+    arm = rbi.load_robot("panda", lock=("panda_finger_joint1", "panda_finger_joint2"))
+    uncertainty = Uncertainty(payload=2.0, inertia_scale=1.1)
+    proposal = propose(arm, uncertainty)
+    assert proposal.feasible
+    assert late_error(proposal, uncertainty.sample(arm, 6, seed=3)[-1]) < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("more", "word"),
+    [
+        ({"samples": 0}, "samples"),
+        ({"instants": 0}, "instants"),
+        ({"accuracy": 0.0}, "accuracy"),
+        ({"seed": -1}, "seed"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused(
+    two_link: rbi.ArmModel, more: dict[str, Any], word: str
+) -> None:
+    with pytest.raises(rbi.GainError, match=word):
+        propose_gains(two_link, UNKNOWN, swing(two_link), DT, **more)
+
+
+def test_surface_that_the_theorem_does_not_cover_is_refused(two_link: rbi.ArmModel) -> None:
+    surface = rbi.NonsingularTerminalSurface(beta=3.0, exponent=5.0 / 3.0)
+    with pytest.raises(rbi.GainError, match="surface"):
+        propose(two_link, UNKNOWN, surface=surface)
+
+
+# --- files and the command line -----------------------------------------------------------------------------------
+
+
+def test_gains_come_back_from_their_file(accepted: GainProposal, tmp_path: Path) -> None:
+    gains = load_gains(save_gains(accepted, tmp_path / "gains.json"))
+    impedance = rbi.Impedance(mass=1.0, damping=10.0, stiffness=20.0)
+    torques = []
+    for controller in (
+        accepted.controller(impedance),
+        gains.controller(accepted.nominal, impedance),
+    ):
+        reference = swing(accepted.nominal)(0.0)
+        output, _ = controller.step(
+            controller.init(), [0.1, 0.2], [0.3, 0.0], reference, [0.0, 1.0]
+        )
+        torques.append(output.tau)
+    np.testing.assert_array_equal(torques[0], torques[1])
+
+
+def test_refused_gains_are_not_read(refused: GainProposal, tmp_path: Path) -> None:
+    path = save_gains(refused, tmp_path / "gains.json")
+    assert json.loads(path.read_text("utf-8"))["joint"] == refused.joint
+    with pytest.raises(rbi.GainError, match="refused"):
+        load_gains(path)
+
+
+def test_gains_of_another_arm_are_not_taken(accepted: GainProposal, tmp_path: Path) -> None:
+    gains = load_gains(save_gains(accepted, tmp_path / "gains.json"))
+    with pytest.raises(rbi.GainError, match="manipulator"):
+        gains.controller(manipulator(), rbi.Impedance(mass=1.0, damping=10.0, stiffness=20.0))
+
+
+@pytest.mark.parametrize("text", ["", "{}", '{"format": 9}', '{"format": 1, "feasible": true}'])
+def test_damaged_gains_file_is_refused(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "gains.json"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(rbi.ModelError, match=r"gains\.json"):
+        load_gains(path)
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["rbimpedance", *arguments])
+    try:
+        cli.main()
+    except SystemExit as leave:
+        return int(leave.code or 0)
+    return 0
+
+
+def test_tune_writes_gains_that_run_reads(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, times = ("--out", str(tmp_path)), ("--dt", "0.004", "--duration", "2")
+    assert call(monkeypatch, "tune", "two_link", "--payload", "1", *times, *out, "--json") == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["feasible"]
+    assert (tmp_path / "worst_samples.png").stat().st_size > 0
+    gains = ("--gains", str(tmp_path / "gains.json"), "--payload", "1", "--duration", "2")
+    assert call(monkeypatch, "run", "two_link", *gains, "--json", *out) == 0
+    metrics = json.loads(capsys.readouterr().out)["metrics"]
+    assert max(metrics["e1_final"]) < 1e-3
+    made_by = rbi.SimulationResult.load(tmp_path / "result.npz").provenance
+    assert made_by["dt"] == 0.004
+    assert made_by["controller"]["reaching"]["k2"] == said["k2"]
+
+
+def test_tune_that_finds_no_gains_is_exit_code_1_with_the_reason(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ("--payload", "8", "--delay", "4", "--dt", "0.02", "--out", str(tmp_path))
+    assert call(monkeypatch, "tune", "two_link", *options) == 1
+    printed = capsys.readouterr().out
+    assert "No gains: joint" in printed
+    assert "Ways out:" in printed
