@@ -3,76 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, TypeVar
+from typing import Any, Literal, Protocol, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ._arrays import Array, per_joint, positive_number
 from ._frozen import set_fields
+from .compiled.selection import Step, compiled_step
 from .dynamics import ArmModel
+from .exceptions import GainError
 from .impedance import TargetFilter, TargetImpedance
-from .limits import Allocation, BoolArray, Limits, as_limits
+from .limits import Allocation, Limits, as_limits
 from .super_twisting import ReachingState, SuperTwisting
 from .surfaces import Surface
-from .tracking import Knowledge, check_knowledge, model_torque, track
+from .telemetry import ControllerOutput as ControllerOutput  # noqa: PLC0414 (part of this module's interface)
+from .telemetry import ControllerState as ControllerState  # noqa: PLC0414 (part of this module's interface)
+from .tracking import Knowledge, check_knowledge, check_measurements, model_torque, track
 from .trajectories import Reference
 
-
-class ControllerState(NamedTuple):
-    """Everything that a controller remembers from one tick to the next.
-
-    Attributes:
-        ticks: Number of ticks so far.
-        q_e: Position of the impedance filter at this tick, shape (nv,) [rad or m].
-        v_e: Its velocity, shape (nv,) [rad/s or m/s].
-        z: Integral of the reaching law, shape (nv,) [s].
-        x: Modified sliding variable of the implicit scheme, shape (nv,).
-        a: Its correction, shape (nv,).
-    """
-
-    ticks: int
-    q_e: Array
-    v_e: Array
-    z: Array
-    x: Array
-    a: Array
-
-
-class ControllerOutput(NamedTuple):
-    """What a tick computed.
-
-    Attributes:
-        tau: Motor torque, within the limits, shape (nv,) [N·m or N].
-        q_r: Impedance reference q_d (+) q_e, shape (nq,).
-        v_r: Its velocity, shape (nv,) [rad/s or m/s].
-        a_r: Its acceleration, shape (nv,) [rad/s² or m/s²].
-        e1: Position error q_r (-) q, shape (nv,) [rad or m].
-        e2: Velocity error v_r - v, shape (nv,) [rad/s or m/s].
-        s: Sliding variable, shape (nv,).
-        u: Reaching term that tau realises, by the controller's model, shape (nv,) [rad/s² or m/s²].
-        q_e: Position of the impedance filter at this tick, shape (nv,) [rad or m].
-        v_e: Its velocity, shape (nv,) [rad/s or m/s].
-        saturated: Whether the joint is at its torque limit, shape (nv,), bool.
-        guaranteed: Whether tau makes the joint's reaching law act in full, by the controller's model, shape (nv,),
-            bool: the one premise of Theorem 1 that a controller can see. It is False exactly where a limit withholds
-            acceleration. Where it turns True the theorem starts anew, from that tick's s and z; its other premise,
-            the bound on the disturbance's rate, stays the user's. Always False where no super-twisting law acts.
-    """
-
-    tau: Array
-    q_r: Array
-    v_r: Array
-    a_r: Array
-    e1: Array
-    e2: Array
-    s: Array
-    u: Array
-    q_e: Array
-    v_e: Array
-    saturated: BoolArray
-    guaranteed: BoolArray
-
+Backend = Literal["pinocchio", "compiled"]
+"""Who computes a tick: NumPy and Pinocchio, or compiled code."""
 
 StateT = TypeVar("StateT")
 
@@ -122,10 +73,14 @@ class ImpedanceController:
         knowledge: "full"; or "mass" for the controller of the paper's section 4, which knows M(q) only.
         limits: `Limits`, or an array-like of torque limits; None for none. The arm's own `effort_limit` is not used
             unless it is given here.
+        backend: "pinocchio" for NumPy around Pinocchio's calls; "compiled" for the same law and dynamics as machine
+            code, equal to rounding (docs/realtime.md). Two threads must not share a compiled controller. What cannot
+            be compiled is left to the other form; the logger "rbimpedance" says so, once.
 
     Raises:
-        GainError: dt is not a positive number, an unknown `knowledge`, or a limit that is not positive.
+        GainError: dt is not a positive number, an unknown `knowledge` or `backend`, or a limit that is not positive.
         DimensionError: A gain or a limit is given for another number of joints.
+        ModelError: The compiled dynamics of the arm are not Pinocchio's.
     """
 
     arm: ArmModel
@@ -135,7 +90,9 @@ class ImpedanceController:
     dt: float
     knowledge: Knowledge
     limits: Limits | None
+    backend: Backend
     _filter: TargetFilter
+    _compiled: Step | None
 
     def __init__(
         self,
@@ -147,9 +104,11 @@ class ImpedanceController:
         *,
         knowledge: Knowledge = "full",
         limits: Limits | ArrayLike | None = None,
+        backend: Backend = "pinocchio",
     ) -> None:
         dt = positive_number("dt", dt, "control period in seconds")
         check_knowledge(knowledge)
+        _check_backend(backend)
         limits = as_limits(limits)
         for owner in (surface, reaching, limits):
             for name, value in vars(owner).items() if owner is not None else ():
@@ -164,8 +123,26 @@ class ImpedanceController:
             dt=dt,
             knowledge=knowledge,
             limits=limits,
+            backend=backend,
             _filter=impedance.filter(arm.nv, dt),
         )
+        self._compile()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "_compiled"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        set_fields(self, **state)
+        self._compile()
+
+    def warm_up(self) -> None:
+        """Take one tick and forget it, so that the first one of a run is no slower than the rest.
+
+        Everything is compiled, or loaded from the disk, when the controller is made. Nothing to do for "pinocchio".
+        """
+        if self._compiled is not None:
+            zero, q = np.zeros(self.arm.nv), self.arm.neutral
+            self.step(self.init(), q, zero, Reference(q, zero, zero), zero)
 
     def init(self) -> ControllerState:
         """Return the state before the first tick: filter at rest, integral zero."""
@@ -197,6 +174,93 @@ class ImpedanceController:
             DimensionError: Wrong shape or kind.
             NonFiniteError: An input holds NaN or infinity.
         """
+        if self._compiled is None:
+            return self._specified_step(state, q, v, reference, tau_ext)
+        try:
+            answer = self._compiled(state, q, v, reference, tau_ext)
+        except (TypeError, ValueError):  # not plain vectors
+            answer = None
+        if answer is None:
+            return self._checked_step(state, q, v, reference, tau_ext)
+        return answer
+
+    def with_impedance(self, impedance: TargetImpedance) -> ImpedanceController:
+        """Return the same controller with another target; a run goes on with the state that it has.
+
+        q_r and v_r do not jump at the change, only a_r does: with s and z as they were, the torque jumps by
+        M(q)·Δa_e, where Δa_e is the change of a_e = M_d⁻¹(tau_ext - D_d·v_e - K_d·q_e) at the present q_e
+        and v_e. Changed a little at every tick (`blend`), the target moves without a jump of the torque;
+        docs/interaction.md has the figures, and `check_variation` says which changes keep it stable. Costs a matrix
+        exponential.
+
+        Args:
+            impedance: The target from the next tick on.
+
+        Raises:
+            DimensionError: It is for another number of joints.
+        """
+        return ImpedanceController(
+            self.arm,
+            impedance,
+            self.surface,
+            self.reaching,
+            self.dt,
+            knowledge=self.knowledge,
+            limits=self.limits,
+            backend=self.backend,
+        )
+
+    def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
+        """Return e_im = M_d·(a_r - a) + D_d·e2 + K_d·e1 (paper, eq. 5), shape (nv,) [N·m or N].
+
+        It is the residual of the target impedance; for a nonlinear one see its filter's `error`.
+
+        Args:
+            output: Of the tick.
+            a: Acceleration under the tick's torque, measured or simulated, shape (nv,).
+        """
+        e1, e2, e3 = output.e1, output.e2, output.a_r - a
+        return self._filter.error(e1, e2, e3, output.q_e, output.v_e)
+
+    def _compile(self) -> None:
+        step = None
+        if self.backend == "compiled":
+            step = compiled_step(
+                self.arm,
+                self._filter,
+                self.surface,
+                self.reaching,
+                self.dt,
+                knowledge=self.knowledge,
+                limits=self.limits,
+            )
+        set_fields(self, _compiled=step)
+
+    def _checked_step(
+        self,
+        state: ControllerState,
+        q: ArrayLike,
+        v: ArrayLike,
+        reference: Reference,
+        tau_ext: ArrayLike,
+    ) -> tuple[ControllerOutput, ControllerState]:
+        """The compiled tick for inputs that it has refused: an error, or another try with plain vectors."""
+        given = check_measurements(self.arm, q, v, reference, tau_ext)
+        try:
+            answer = self._compiled(state, *given) if self._compiled is not None else None
+        except TypeError:  # not aligned in memory
+            answer = None
+        return self._specified_step(state, *given) if answer is None else answer
+
+    def _specified_step(
+        self,
+        state: ControllerState,
+        q: ArrayLike,
+        v: ArrayLike,
+        reference: Reference,
+        tau_ext: ArrayLike,
+    ) -> tuple[ControllerOutput, ControllerState]:
+        """The tick in NumPy, which specifies what the compiled one computes."""
         tick = track(
             self.arm,
             self._filter,
@@ -231,18 +295,6 @@ class ImpedanceController:
         )
         return output, ControllerState(state.ticks + 1, q_e, v_e, *following)
 
-    def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
-        """Return e_im = M_d·(a_r - a) + D_d·e2 + K_d·e1 (paper, eq. 5), shape (nv,) [N·m or N].
-
-        It is the residual of the target impedance; for a nonlinear one see its filter's `error`.
-
-        Args:
-            output: Of the tick.
-            a: Acceleration under the tick's torque, measured or simulated, shape (nv,).
-        """
-        e1, e2, e3 = output.e1, output.e2, output.a_r - a
-        return self._filter.error(e1, e2, e3, output.q_e, output.v_e)
-
     def _reaching_state(self, state: ControllerState, s: Array) -> ReachingState:
         if state.ticks == 0:
             return self.reaching.start(s)
@@ -252,3 +304,8 @@ class ImpedanceController:
         if self.limits is None:
             return Allocation(tau, np.zeros(tau.shape, dtype=np.bool_), np.zeros_like(tau))
         return self.limits.allocate(tau, lambda: self.arm.unchecked.mass_matrix(q))
+
+
+def _check_backend(backend: str) -> None:
+    if backend not in get_args(Backend):
+        raise GainError("backend", backend, '"pinocchio" or "compiled"')

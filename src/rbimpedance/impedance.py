@@ -160,6 +160,10 @@ class ImpedanceFilter:
         self._acceleration_map = np.ascontiguousarray(system[nv : 2 * nv])
         self._transition = np.ascontiguousarray(transition)
 
+    def maps(self) -> Array:
+        """Return the maps from (q_e, v_e, tau_ext) to a_e and to the next q_e and v_e, stacked, (3·nv, 3·nv)."""
+        return np.vstack([self._acceleration_map, self._transition])
+
     def acceleration(self, q_e: Array, v_e: Array, tau_ext: Array) -> Array:
         """Return a_e of eq. (3), shape (nv,) [rad/s²].
 

@@ -69,10 +69,7 @@ def track(
         DimensionError: Wrong shape or kind.
         NonFiniteError: An input holds NaN or infinity.
     """
-    q = arm.check_configuration("q", q)
-    v = vector("v", v, arm.nv)
-    desired = check_reference(arm, reference)
-    tau_ext = vector("tau_ext", tau_ext, arm.nv)
+    q, v, desired, tau_ext = check_measurements(arm, q, v, reference, tau_ext)
     a_e = impedance_filter.acceleration(q_e, v_e, tau_ext)  # eq. (3)
     q_r = arm.unchecked.integrate(desired.q, q_e)  # eq. (4)
     v_r = desired.v + v_e
@@ -87,6 +84,23 @@ def model_torque(arm: ArmModel, knowledge: Knowledge, q: Array, v: Array, a: Arr
         return arm.unchecked.inverse_dynamics(q, v, a)
     torque: Array = arm.unchecked.mass_matrix(q) @ a
     return torque
+
+
+def check_measurements(
+    arm: ArmModel, q: ArrayLike, v: ArrayLike, reference: Reference, tau_ext: ArrayLike
+) -> tuple[Array, Array, Reference, Array]:
+    """Return q, v, reference and tau_ext of a tick as checked float64 vectors.
+
+    Raises:
+        DimensionError: Wrong shape or kind.
+        NonFiniteError: An input holds NaN or infinity.
+    """
+    return (
+        arm.check_configuration("q", q),
+        vector("v", v, arm.nv),
+        check_reference(arm, reference),
+        vector("tau_ext", tau_ext, arm.nv),
+    )
 
 
 def check_reference(arm: ArmModel, reference: Reference) -> Reference:
