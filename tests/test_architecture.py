@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from collections.abc import Iterator
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -13,26 +14,58 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "src" / "rbimpedance"
 
 LAYERS: tuple[frozenset[str], ...] = (
-    frozenset({"exceptions", "_arrays", "_frozen", "_suggestions"}),
-    frozenset({"impedance", "finite_time", "_homogeneous", "surfaces", "super_twisting"}),
+    frozenset({"exceptions", "_arrays", "_description", "_frozen", "_leaf", "_suggestions"}),
+    frozenset(
+        {
+            "impedance",
+            "variable_impedance",
+            "finite_time",
+            "_homogeneous",
+            "surfaces",
+            "super_twisting",
+        }
+    ),
     frozenset({"stability", "_certificate_words", "_lyapunov"}),
     frozenset({"dynamics"}),
-    frozenset({"loading", "trajectories", "interaction"}),
+    frozenset({"loading", "trajectories", "interaction", "cartesian"}),
     frozenset({"robots"}),
-    frozenset({"controller", "tracking", "limits", "baselines", "_baseline"}),
-    frozenset({"simulation", "integrators", "result", "observers"}),
+    frozenset({"limits", "telemetry", "compiled"}),
+    frozenset({"controller", "tracking", "reference_guard", "baselines", "_baseline"}),
+    frozenset({"simulation", "integrators", "result", "energy", "observers", "estimators"}),
     frozenset({"scenarios", "tuning", "study"}),
-    frozenset({"plotting", "visualization", "cli", "_report", "_terminal", "__main__"}),
+    frozenset(
+        {
+            "plotting",
+            "_analysis_figures",
+            "_figure_style",
+            "viewing",
+            "visualization",
+            "cli",
+            "_report",
+            "_tuning_report",
+            "_terminal",
+            "__main__",
+        }
+    ),
 )
 PURE = LAYERS[0] | LAYERS[1] | LAYERS[2]  # the mathematics: NumPy and SciPy only
-KNOW_PINOCCHIO = {"robots", "dynamics", "visualization"}
+KNOW_PINOCCHIO = {"robots", "dynamics", "viewing"}
 HEAVY = ("matplotlib", "meshcat", "numba", "rich", "typer", "yourdfpy")
+
+
+def _at_run_time(tree: ast.AST) -> Iterator[ast.AST]:
+    """Every node, without those that only type checkers see."""
+    yield tree
+    for child in ast.iter_child_nodes(tree):
+        is_for_checkers = isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING"
+        if not is_for_checkers:
+            yield from _at_run_time(child)
 
 
 def _imports(path: Path) -> set[str]:
     """Dotted names of everything that a module imports, siblings as `rbimpedance.<module>`."""
     found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in _at_run_time(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.level:
@@ -98,6 +131,11 @@ def test_module_does_not_know_pinocchio(module: str) -> None:
 
 def test_package_offers_no_leaf() -> None:
     assert _siblings("__init__") & LAYERS[-1] == set()
+
+
+def test_leaves_are_reached_from_below_through_one_module_only() -> None:
+    reaching = {module for module in IMPORTS if "_leaf" in _siblings(module)}
+    assert reaching == {"__init__", "result"}
 
 
 def test_importing_the_package_loads_no_heavy_library() -> None:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import re
+import signal
 import subprocess
 import sys
+import urllib.error
+import urllib.request
 from pathlib import Path
 
 import numpy as np
@@ -115,7 +118,39 @@ def test_divergence_is_exit_code_1_and_keeps_the_run_so_far(
     assert np.isfinite(kept.q).all()
 
 
-@pytest.mark.parametrize("command", ["paper", "run", "inspect"])
+def test_view_writes_one_file_named_after_the_robot(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert call(monkeypatch, "view", "two_link", "--html") == 0
+    assert "two_link.html" in capsys.readouterr().out
+    assert [path.name for path in tmp_path.iterdir()] == ["two_link.html"]
+
+
+def test_run_writes_the_animation_that_view_writes_from_its_result(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    run, view = tmp_path / "run.html", tmp_path / "view.html"
+    options = ("--duration", "0.2", "--wrench", "0,0,5", "--quiet", "--out", str(tmp_path))
+    assert call(monkeypatch, "run", "two_link", *options, "--html", str(run)) == 0
+    assert call(monkeypatch, "view", str(tmp_path / "result.npz"), "--out", str(view)) == 0
+    assert abs(run.stat().st_size - view.stat().st_size) < 1000  # one arrow, given or found
+
+
+def test_view_serves_the_page_until_it_is_interrupted() -> None:
+    command = [sys.executable, "-u", "-m", "rbimpedance", "view", "two_link"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        url = process.stdout.readline().split()[0]
+        with urllib.request.urlopen(url, timeout=20.0) as answer:
+            assert b"two_link" in answer.read()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=20.0) == 0
+    with pytest.raises(urllib.error.URLError):
+        urllib.request.urlopen(url, timeout=5.0)
+
+
+@pytest.mark.parametrize("command", ["paper", "run", "inspect", "view"])
 def test_help_shows_an_example(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
 ) -> None:

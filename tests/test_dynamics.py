@@ -780,3 +780,13 @@ def test_form_of_the_input_does_not_matter(
 def test_integers_are_numbers() -> None:
     arm, q, v = arms.manipulator(), np.array([0, 1, -1, 2, 0, 1]), np.arange(6, dtype=np.uint8)
     assert_array_equal(arm.bias(q, v), arm.bias(q.astype(float), v.astype(float)))
+
+
+def test_jacobian_of_a_single_joint_is_a_matrix_and_serves_its_wrenches() -> None:
+    arm, q = arms.pendulum(), np.array([0.3])
+    assert arm.jacobian(q).shape == (6, 1)
+    _, bob = arm.frame_placement(q)
+    force = np.array([2.0, 0.0, -1.0])
+    moment_about_the_pivot = np.cross(bob, force)[1]
+    torque = arm.external_torque(q, [*force, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(torque, [moment_about_the_pivot], atol=1e-14)

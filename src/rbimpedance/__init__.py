@@ -6,13 +6,22 @@ mass, damper and spring; `simulate` closes the loop with a plant of its own.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from . import baselines as baselines
+from . import interaction as interaction
 from . import scenarios as scenarios
 from . import trajectories as trajectories
+from ._leaf import leaf as _leaf
+from .cartesian import joint_matrix as joint_matrix
 from .controller import ControllerOutput as ControllerOutput
 from .controller import ControllerState as ControllerState
 from .controller import ImpedanceController as ImpedanceController
 from .dynamics import ArmModel as ArmModel
+from .energy import energy_balance as energy_balance
+from .estimators import MomentumObserver as MomentumObserver
+from .estimators import SuperTwistingMomentumObserver as SuperTwistingMomentumObserver
+from .estimators import sense as sense
 from .exceptions import DimensionError as DimensionError
 from .exceptions import DivergenceError as DivergenceError
 from .exceptions import GainError as GainError
@@ -27,9 +36,15 @@ from .impedance import Impedance as Impedance
 from .interaction import FrameWrench as FrameWrench
 from .interaction import Interaction as Interaction
 from .interaction import JointTorque as JointTorque
+from .interaction import Push as Push
+from .interaction import Sum as Sum
+from .interaction import Wall as Wall
+from .interaction import WrenchSensor as WrenchSensor
+from .interaction import impedance_for_wall as impedance_for_wall
 from .limits import Limits as Limits
 from .observers import SuperTwistingDisturbanceObserver as SuperTwistingDisturbanceObserver
 from .observers import observe as observe
+from .reference_guard import ReferenceGuard as ReferenceGuard
 from .result import SimulationResult as SimulationResult
 from .robots import load_robot as load_robot
 from .simulation import simulate as simulate
@@ -40,5 +55,24 @@ from .surfaces import FastTerminalSurface as FastTerminalSurface
 from .surfaces import NonsingularTerminalSurface as NonsingularTerminalSurface
 from .surfaces import PowerSurface as PowerSurface
 from .trajectories import Reference as Reference
+from .tuning import GainProposal as GainProposal
+from .tuning import Spread as Spread
+from .tuning import Uncertainty as Uncertainty
+from .tuning import propose_gains as propose_gains
+from .variable_impedance import blend as blend
+from .variable_impedance import check_variation as check_variation
+
+if TYPE_CHECKING:
+    from .visualization import Viewer as Viewer
+    from .visualization import view as view
 
 __version__ = "0.1.0"
+
+_FROM_LEAVES = {"view": "visualization", "Viewer": "visualization"}
+
+
+def __getattr__(name: str) -> object:
+    """Load what the package offers of its leaves when it is asked for."""
+    if name in _FROM_LEAVES:
+        return getattr(_leaf(_FROM_LEAVES[name]), name)
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

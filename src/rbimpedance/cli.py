@@ -1,4 +1,4 @@
-"""The command line: `rbimpedance paper`, `run` and `inspect`.
+"""The command line: `rbimpedance paper`, `run`, `tune`, `inspect` and `view`.
 
 Exit codes: 0 done, 1 the run failed (it diverged), 2 bad input.
 """
@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
+from threading import Event
 from typing import Annotated
 
 import numpy as np
@@ -18,6 +20,7 @@ from . import __version__, plotting
 from ._arrays import Array
 from ._report import comparison_figures, comparison_table, result_figures, result_table
 from ._terminal import number, print_json, print_table, progress, stderr, stdout, table
+from ._tuning_report import case_names, gains_table, worst_table
 from .controller import ImpedanceController
 from .dynamics import ArmModel
 from .exceptions import DivergenceError, GainError, RBImpedanceError
@@ -30,6 +33,8 @@ from .scenarios import Scenario, SurfaceName, paper, paper_comparison, paper_sur
 from .super_twisting import Scheme, SuperTwisting
 from .tracking import Knowledge
 from .trajectories import cosine
+from .tuning import GainProposal, Uncertainty, propose_gains
+from .tuning.gains_file import load_gains, proposal_data, save_gains
 
 app = typer.Typer(
     help="Robust impedance control of any URDF arm.",
@@ -72,6 +77,10 @@ Duration = Annotated[float, typer.Option("--duration", metavar="S", help="Length
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="No progress bar and no table.")]
+Html = Annotated[
+    Path | None,
+    typer.Option("--html", metavar="FILE", help="Write the animation as one HTML file."),
+]
 
 
 @app.command(
@@ -134,9 +143,18 @@ def run(
     surface: Surface = "fast-terminal",
     scheme: SchemeName = "matched",
     known: Known = "full",
+    gains: Annotated[
+        Path | None,
+        typer.Option(
+            "--gains",
+            metavar="FILE",
+            help="What tune wrote: replaces k1, k2, surface, scheme and dt.",
+        ),
+    ] = None,
     dt: Period = 1e-3,
     duration: Duration = 5.0,
     substeps: Annotated[int, typer.Option("--substeps", help="Physics steps per period.")] = 4,
+    html: Html = None,
     integrator: Annotated[Integrator, typer.Option("--integrator")] = "semi-implicit",
     lock: Lock = None,
     tool_frame: ToolFrame = None,
@@ -149,18 +167,22 @@ def run(
 ) -> None:
     """Simulate the controller on any robot, which follows a cosine about its neutral configuration."""
     arm = _load(robot, lock, tool_frame, armature, gravity, package_dir)
-    controller = ImpedanceController(
-        arm,
-        impedance=Impedance(
-            mass=_numbers("--mass", mass),
-            damping=_numbers("--damping", damping),
-            stiffness=_numbers("--stiffness", stiffness),
-        ),
-        surface=paper_surface(surface),
-        reaching=SuperTwisting(_numbers("--k1", k1), _numbers("--k2", k2), scheme),
-        dt=dt,
-        knowledge=known,
+    target = Impedance(
+        mass=_numbers("--mass", mass),
+        damping=_numbers("--damping", damping),
+        stiffness=_numbers("--stiffness", stiffness),
     )
+    if gains is not None:
+        controller = load_gains(gains).controller(arm, target)
+    else:
+        controller = ImpedanceController(
+            arm,
+            impedance=target,
+            surface=paper_surface(surface),
+            reaching=SuperTwisting(_numbers("--k1", k1), _numbers("--k2", k2), scheme),
+            dt=dt,
+            knowledge=known,
+        )
     force = np.zeros(3) if wrench is None else _numbers("--wrench", wrench, 3)
     scenario = Scenario(
         controller=controller,
@@ -178,7 +200,10 @@ def run(
         "torque": plotting.torques,
     }
     result, files = _simulate(scenario, out, "result", figures, quiet=quiet or as_json)
-    title = f"{arm.name}, payload {payload:g} kg, {surface} surface, {scheme} scheme, dt = {dt:g} s"
+    law = f"gains of {gains}" if gains is not None else f"{surface} surface, {scheme} scheme"
+    if html is not None:
+        files.append(result.save_html(html, wrench=scenario.wrench))
+    title = f"{arm.name}, payload {payload:g} kg, {law}, dt = {controller.dt:g} s"
     if as_json:
         said = {"title": title, "joints": result.joint_names, "metrics": result_figures(result)}
         print_json(said)
@@ -186,6 +211,88 @@ def run(
     if not quiet:
         print_table(result_table(title, result))
     _say_written(files)
+
+
+@app.command(epilog="Example: rbimpedance tune panda --payload 2 --inertia-scale 1.1 --out out/")
+def tune(
+    robot: Robot,
+    payload: Annotated[
+        str, typer.Option("--payload", metavar="KG[,KG]", help="At the tool: largest, or a range.")
+    ] = "0",
+    inertia_scale: Annotated[
+        str, typer.Option("--inertia-scale", metavar="F[,F]", help="Factor on the links' inertia.")
+    ] = "1",
+    viscous: Annotated[
+        str, typer.Option("--viscous", metavar="D[,D]", help="Unknown friction in N m s/rad.")
+    ] = "0",
+    coulomb: Annotated[
+        str, typer.Option("--coulomb", metavar="C[,C]", help="Unknown dry friction in N m.")
+    ] = "0",
+    torque_constant: Annotated[
+        float, typer.Option("--torque-constant", metavar="X", help="Relative error of the torque.")
+    ] = 0.0,
+    position_noise: Annotated[
+        float, typer.Option("--position-noise", help="Standard deviation in rad.")
+    ] = 0.0,
+    velocity_noise: Annotated[
+        float, typer.Option("--velocity-noise", help="Standard deviation in rad/s.")
+    ] = 0.0,
+    delay: Annotated[int, typer.Option("--delay", help="Of the measurements in ticks.")] = 0,
+    accuracy: Annotated[
+        float, typer.Option("--accuracy", metavar="RAD", help="Error that is asked for.")
+    ] = 1e-3,
+    amplitude: Annotated[
+        float, typer.Option("--amplitude", help="Of the cosine reference, rad or m.")
+    ] = 0.2,
+    period: Annotated[float, typer.Option("--period", help="Of the cosine reference in s.")] = 6.0,
+    dt: Period = 1e-3,
+    duration: Duration = 5.0,
+    seed: Annotated[int, typer.Option("--seed", help="Of everything random.")] = 0,
+    lock: Lock = None,
+    tool_frame: ToolFrame = None,
+    armature: Armature = None,
+    gravity: Gravity = None,
+    package_dir: PackageDir = None,
+    out: Out = Path("out"),
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Propose gains that carry what is not known about a robot, or say why none do (exit code 1)."""
+    arm = _load(robot, lock, tool_frame, armature, gravity, package_dir)
+    uncertainty = Uncertainty(
+        payload=_numbers("--payload", payload),
+        inertia_scale=_numbers("--inertia-scale", inertia_scale),
+        viscous=_numbers("--viscous", viscous),
+        coulomb=_numbers("--coulomb", coulomb),
+        torque_constant=torque_constant,
+        position_noise=position_noise,
+        velocity_noise=velocity_noise,
+        delay=delay,
+    )
+    trajectory = cosine(arm, amplitude=amplitude, period=period)
+    with progress(f"tuning {arm.name}", quiet=quiet or as_json) as on_tick:
+        proposal = propose_gains(
+            arm,
+            uncertainty,
+            trajectory,
+            dt,
+            accuracy=accuracy,
+            duration=duration,
+            seed=seed,
+            on_tick=on_tick,
+        )
+    files = _write_proposal(proposal, out)
+    if as_json:
+        print_json(proposal_data(proposal))
+    else:
+        if not quiet:
+            print_table(gains_table(proposal))
+            if proposal.worst:
+                print_table(worst_table(proposal))
+        stdout.print(proposal.explain(), soft_wrap=True, markup=False)
+        _say_written(files)
+    if not proposal.feasible:
+        raise typer.Exit(1)
 
 
 @app.command(epilog="Example: rbimpedance inspect ur5")
@@ -216,6 +323,46 @@ def inspect(
     stdout.print("SI units; – means: not given, or no limit", style="dim")
     for note in arm.notes:
         stdout.print(f"note: {note}", soft_wrap=True, markup=False)
+
+
+@app.command(name="view", epilog="Example: rbimpedance view panda --html")
+def view_command(
+    shown: Annotated[
+        str,
+        typer.Argument(metavar="ROBOT|RESULT", help="A robot as for run, or a result (.npz)."),
+    ],
+    html: Annotated[
+        bool, typer.Option("--html", help="Write one HTML file, and do not serve the page.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="Its name; default: NAME.html.")
+    ] = None,
+    open_browser: Annotated[
+        bool, typer.Option("--open", help="Open the system's browser.")
+    ] = False,
+    port: Annotated[int, typer.Option("--port", help="Port on 127.0.0.1; 0: any free one.")] = 0,
+    lock: Lock = None,
+    tool_frame: ToolFrame = None,
+    package_dir: PackageDir = None,
+) -> None:
+    """Show a robot, or the animation of a result, in a browser: served on this machine, or as one file."""
+    from .visualization import animate, view  # noqa: PLC0415  (takes a second)
+
+    if shown.endswith(".npz"):
+        viewer = animate(SimulationResult.load(shown), port=port)
+    else:
+        viewer = view(_load(shown, lock, tool_frame, None, None, package_dir), port=port)
+    for note in viewer.notes:
+        stderr.print(f"note: {note}", soft_wrap=True, markup=False)
+    if html or out is not None:
+        _say_written([viewer.save_html(out or f"{viewer.arm.name.replace('/', '_')}.html")])
+        return
+    with viewer:
+        stdout.print(f"{viewer.url} shows it, until Ctrl-C", soft_wrap=True, markup=False)
+        if open_browser:
+            viewer.open()
+        with suppress(KeyboardInterrupt):
+            Event().wait()
 
 
 @app.callback(invoke_without_command=True)
@@ -292,6 +439,17 @@ def _simulate(
         raise
     files = [plotting.save(draw(result), out / f"{stem}.png") for stem, draw in figures.items()]
     return result, [*files, result.save(out / f"{name}.npz")]
+
+
+def _write_proposal(proposal: GainProposal, out: Path) -> list[Path]:
+    """Write gains.json, and the errors of the worst samples where any was simulated."""
+    out.mkdir(parents=True, exist_ok=True)
+    files = [save_gains(proposal, out / "gains.json")]
+    if proposal.worst:
+        cases = zip(case_names(proposal), proposal.worst, strict=True)
+        runs = {name: (case.result.t, case.true_error) for name, case in cases}
+        files.append(plotting.save(plotting.error_sizes(runs), out / "worst_samples.png"))
+    return files
 
 
 def _compare(dt: float, duration: float, *, quiet: bool) -> dict[str, SimulationResult]:

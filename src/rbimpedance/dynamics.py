@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ._arrays import Array, gain, per_joint, positive_number, real, vector
+from ._description import Description
 from ._suggestions import suggest
 from .exceptions import DimensionError, GainError, ModelError, UnsupportedJointError
 
@@ -22,6 +25,38 @@ COULOMB_SMOOTHING = 0.05
 """Speed v_c at which smoothed Coulomb friction tau_c·tanh(v / v_c) reaches 76 % of tau_c [rad/s or m/s]."""
 
 _WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
+
+class RigidBodies(NamedTuple):
+    """What enters the dynamics, joint by joint in the order of v, for code that does not know Pinocchio.
+
+    Each joint carries one body. Friction and armature are attributes of the arm.
+
+    Attributes:
+        parent: Index of the joint before it, -1 for the base, shape (nv,).
+        q_index: Where the joint's entries of q begin, shape (nv,).
+        q_size: How many they are: 1, or 2 for the (cos, sin) of a continuous joint, shape (nv,).
+        rotation: Axes of the joint in those of its parent where q is neutral, shape (nv, 3, 3).
+        translation: Origin of the joint in its parent, shape (nv, 3) [m].
+        axis: Axis that the joint turns about or slides along, in its own axes, a unit vector, shape (nv, 3).
+        slides: True for a prismatic joint, shape (nv,).
+        mass: Mass of the body, shape (nv,) [kg].
+        com: Its centre of mass in the joint's axes, shape (nv, 3) [m].
+        inertia: Its rotational inertia about the centre of mass, in the joint's axes, shape (nv, 3, 3) [kg·m²].
+        gravity: Acceleration of free fall in world axes, shape (3,) [m/s²].
+    """
+
+    parent: NDArray[np.int64]
+    q_index: NDArray[np.int64]
+    q_size: NDArray[np.int64]
+    rotation: Array
+    translation: Array
+    axis: Array
+    slides: NDArray[np.bool_]
+    mass: Array
+    com: Array
+    inertia: Array
+    gravity: Array
 
 
 class PinocchioDynamics:
@@ -38,6 +73,7 @@ class PinocchioDynamics:
     Attributes:
         model: The Pinocchio model.
         frame_ids: Index of every frame by name; where a link shares its name with a joint, that of the link.
+        rnea: Pinocchio's own RNEA of (q, v, a): without friction, its result valid until the next call.
     """
 
     def __init__(self, model: pin.Model) -> None:
@@ -45,6 +81,7 @@ class PinocchioDynamics:
         frames = sorted(enumerate(model.frames), key=lambda item: item[1].type == pin.BODY)
         self.frame_ids = {frame.name: i for i, frame in frames}
         self._data = model.createData()
+        self.rnea = partial(pin.rnea, model, self._data)
         self._viscous = np.array(model.damping)
         self._coulomb = np.array(model.upperDryFrictionLimit)
         self._has_friction = bool(self._viscous.any() or self._coulomb.any())
@@ -100,7 +137,8 @@ class PinocchioDynamics:
 
     def jacobian(self, q: Array, frame_id: int) -> Array:
         """Frame Jacobian in world axes at the frame's origin, linear rows first, shape (6, nv)."""
-        return np.array(pin.computeFrameJacobian(self.model, self._data, q, frame_id, _WORLD_AXES))
+        J = np.array(pin.computeFrameJacobian(self.model, self._data, q, frame_id, _WORLD_AXES))
+        return J.reshape(6, self.model.nv)  # pin returns a vector where nv = 1
 
     def frame_placement(self, q: Array, frame_id: int) -> tuple[Array, Array]:
         """Rotation (3, 3) and origin (3,) of a frame in the world."""
@@ -177,6 +215,7 @@ class ArmModel:
         coulomb: Coulomb friction, shape (nv,) [N·m or N], smoothed by tanh(v / `COULOMB_SMOOTHING`).
         armature: Reflected rotor inertia, shape (nv,) [kg·m² or kg].
         notes: What the loader found worth saying.
+        description: The URDF behind it, for pictures; None where there is none.
         unchecked: The same dynamics without input checks, for hot loops.
 
     Raises:
@@ -198,10 +237,17 @@ class ArmModel:
     coulomb: Array
     armature: Array
     notes: tuple[str, ...]
+    description: Description | None
     unchecked: PinocchioDynamics
 
     def __init__(
-        self, model: pin.Model, *, name: str, tool_frame: str, notes: tuple[str, ...] = ()
+        self,
+        model: pin.Model,
+        *,
+        name: str,
+        tool_frame: str,
+        notes: tuple[str, ...] = (),
+        description: Description | None = None,
     ) -> None:
         model = pin.Model(model)
         _check_joints(model)
@@ -227,6 +273,7 @@ class ArmModel:
             "joint_names": tuple(model.names[j] for j in _movable(model)),
             "tool_frame": tool_frame,
             "notes": tuple(notes),
+            "description": description,
             "unchecked": _dynamics(model),
         }
         for key, value in (fields | arrays).items():
@@ -239,7 +286,8 @@ class ArmModel:
         )
 
     def __reduce__(self) -> tuple[object, ...]:
-        return _rebuild, (self.unchecked.model, self.name, self.tool_frame, self.notes)
+        model = self.unchecked.model
+        return _rebuild, (model, self.name, self.tool_frame, self.notes, self.description)
 
     # --- what the model knows -----------------------------------------------------------------------------------
 
@@ -271,6 +319,29 @@ class ArmModel:
             np.ascontiguousarray(x).tobytes() for x in numbers
         )
         return hashlib.sha256(content).hexdigest()
+
+    def rigid_bodies(self) -> RigidBodies:
+        """Return the numbers behind the dynamics as plain arrays.
+
+        Raises:
+            UnsupportedJointError: A joint that neither turns about nor slides along one axis of its own (mimic, screw).
+        """
+        model = self.unchecked.model
+        joints, axes = _movable(model), _motion_axes(model)
+        slides = np.array([not axis[3:].any() for axis in axes])
+        return RigidBodies(
+            parent=np.array([model.parents[j] - 1 for j in joints]),
+            q_index=np.array([model.joints[j].idx_q for j in joints]),
+            q_size=np.array([model.joints[j].nq for j in joints]),
+            rotation=np.array([model.jointPlacements[j].rotation for j in joints]),
+            translation=np.array([model.jointPlacements[j].translation for j in joints]),
+            axis=np.array([axis[:3] + axis[3:] for axis in axes]),
+            slides=slides,
+            mass=np.array([model.inertias[j].mass for j in joints]),
+            com=np.array([model.inertias[j].lever for j in joints]),
+            inertia=np.array([model.inertias[j].inertia for j in joints]),
+            gravity=np.array(model.gravity.linear),
+        )
 
     # --- dynamics -----------------------------------------------------------------------------------------------
 
@@ -615,7 +686,7 @@ class ArmModel:
         )
 
     def _with_model(self, model: pin.Model) -> ArmModel:
-        return ArmModel(model, name=self.name, tool_frame=self.tool_frame, notes=self.notes)
+        return _rebuild(model, self.name, self.tool_frame, self.notes, self.description)
 
     def _frame_id(self, frame: str | None) -> int:
         frame = self.tool_frame if frame is None else frame
@@ -627,8 +698,14 @@ class ArmModel:
         return frame_id
 
 
-def _rebuild(model: pin.Model, name: str, tool_frame: str, notes: tuple[str, ...]) -> ArmModel:
-    return ArmModel(model, name=name, tool_frame=tool_frame, notes=notes)
+def _rebuild(
+    model: pin.Model,
+    name: str,
+    tool_frame: str,
+    notes: tuple[str, ...],
+    description: Description | None,
+) -> ArmModel:
+    return ArmModel(model, name=name, tool_frame=tool_frame, notes=notes, description=description)
 
 
 def _dynamics(model: pin.Model) -> PinocchioDynamics:
@@ -660,6 +737,29 @@ def _sample_placements(model: pin.Model) -> list[pin.SE3]:
         pin.forwardKinematics(model, data, configuration)
         placements += [pin.SE3(placement) for placement in data.oMi]
     return placements
+
+
+def _motion_axes(model: pin.Model) -> list[Array]:
+    """Motion subspace of every joint in its own axes, (linear, angular), each of shape (6,).
+
+    Raises:
+        UnsupportedJointError: A joint that neither turns about nor slides along one axis of its own.
+    """
+    names = [model.names[j] for j in model.mimicking_joints]
+    data, q, axes = model.createData(), pin.neutral(model), []
+    for j in range(1, model.njoints):
+        if model.nvs[j] != 1:
+            continue
+        columns = np.array(pin.computeJointJacobian(model, data, q, j)).reshape(6, model.nv)
+        axis = columns[:, model.joints[j].idx_v]
+        if axis[:3].any() and axis[3:].any():
+            names.append(model.names[j])
+        axes.append(axis)
+    if names:
+        raise UnsupportedJointError(
+            names, "neither turns about nor slides along an axis of its own"
+        )
+    return axes
 
 
 def _is_plain_coordinate(model: pin.Model) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:

@@ -3,56 +3,63 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ._analysis_figures import (
+    chatter_spectrum,
+    convergence,
+    interaction_energy,
+    phase_plane,
+    robustness_map,
+    torque_margins,
+)
 from ._arrays import Array
+from ._figure_style import COLORS, STYLE, NotebookFigure, draw_channels, panels
 from .result import SimulationResult
 
-COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-"""Okabe and Ito's palette: told apart with every kind of colour vision."""
-
-_STYLE: Any = {
-    "axes.grid": True,
-    "axes.prop_cycle": cycler(linestyle=["-", "--", ":"]) * cycler(color=list(COLORS)),
-    "axes.spines.right": False,
-    "axes.spines.top": False,
-    "figure.constrained_layout.use": True,
-    "figure.dpi": 150,
-    "font.size": 9.0,
-    "grid.alpha": 0.3,
-    "legend.frameon": False,
-    "lines.linewidth": 1.2,
-}
+__all__ = [
+    "COLORS",
+    "chatter_spectrum",
+    "comparison",
+    "convergence",
+    "disturbance",
+    "error_sizes",
+    "impedance_error",
+    "interaction_energy",
+    "phase_plane",
+    "robustness_map",
+    "save",
+    "torque_margins",
+    "torques",
+    "tracking_errors",
+]
 
 
 def tracking_errors(result: SimulationResult) -> Figure:
     """Errors e1 and e2 over time (the paper's figure 2)."""
-    with _figure(rows=2) as (figure, axes):
-        _channels(axes[0], result, result.e1, "$e_1$ [rad]")
-        _channels(axes[1], result, result.e2, "$e_2$ [rad/s]")
+    with panels(rows=2) as (figure, axes):
+        draw_channels(axes[0], result, result.e1, "$e_1$ [rad]")
+        draw_channels(axes[1], result, result.e2, "$e_2$ [rad/s]")
     return figure
 
 
 def impedance_error(result: SimulationResult) -> Figure:
     """Impedance error e_im over time (the paper's figure 3)."""
-    with _figure(rows=1) as (figure, axes):
-        _channels(axes[0], result, result.e_im, r"$e_{im}$ [N$\cdot$m]")
+    with panels(rows=1) as (figure, axes):
+        draw_channels(axes[0], result, result.e_im, r"$e_{im}$ [N$\cdot$m]")
     return figure
 
 
 def torques(result: SimulationResult) -> Figure:
     """Motor torque over time (the paper's figure 4)."""
-    with _figure(rows=1) as (figure, axes):
-        _channels(axes[0], result, result.tau, r"$\tau$ [N$\cdot$m]")
+    with panels(rows=1) as (figure, axes):
+        draw_channels(axes[0], result, result.tau, r"$\tau$ [N$\cdot$m]")
     return figure
 
 
@@ -63,8 +70,8 @@ def disturbance(result: SimulationResult, estimate: Array) -> Figure:
         result: The result that was observed.
         estimate: What `observe` returned, shape (N, nv) [N·m or N].
     """
-    with _figure(rows=1) as (figure, axes):
-        _channels(axes[0], result, estimate, r"disturbance [N$\cdot$m]")
+    with panels(rows=1) as (figure, axes):
+        draw_channels(axes[0], result, estimate, r"disturbance [N$\cdot$m]")
     return figure
 
 
@@ -78,10 +85,10 @@ def comparison(results: Mapping[str, SimulationResult]) -> Figure:
         Three panels: largest abs(e1) and abs(e_im) of any joint over time, and the total variation per second of the
         first joint's torque over the second half of the run.
     """
-    with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(10.0, 6.2))
-        panels = figure.subplot_mosaic([["e1", "tau"], ["e_im", "tau"]], width_ratios=(1.6, 1.0))
-        upper, lower, bars = panels["e1"], panels["e_im"], panels["tau"]
+    with mpl.rc_context(STYLE):
+        figure = NotebookFigure(figsize=(10.0, 6.2))
+        parts = figure.subplot_mosaic([["e1", "tau"], ["e_im", "tau"]], width_ratios=(1.6, 1.0))
+        upper, lower, bars = parts["e1"], parts["e_im"], parts["tau"]
         upper.sharex(lower)
         upper.tick_params(labelbottom=False)
         for name, result in results.items():
@@ -92,6 +99,21 @@ def comparison(results: Mapping[str, SimulationResult]) -> Figure:
         lower.set_xlabel("time [s]")
         lower.margins(x=0.0)
         _variation_bars(bars, results)
+    return figure
+
+
+def error_sizes(runs: Mapping[str, tuple[Array, Array]]) -> Figure:
+    """Largest abs(e1) of any joint over time, on a log scale.
+
+    Args:
+        runs: Times (N,) and errors (N, nv) by name, in the order of the legend.
+    """
+    with panels(rows=1, height=3.2) as (figure, axes):
+        for name, (t, e1) in runs.items():
+            axes[0].semilogy(t, np.abs(e1).max(axis=1), label=name)
+        axes[0].set_ylabel(r"largest $|e_1|$ [rad]")
+        axes[0].margins(x=0.0)
+        axes[0].legend(loc="upper right", fontsize=7.5)
     return figure
 
 
@@ -126,24 +148,3 @@ def _variation_bars(axes: Axes, results: Mapping[str, SimulationResult]) -> None
     axes.invert_yaxis()
     axes.grid(visible=False, axis="y")
     axes.set_xlabel(r"variation of $\tau_1$, second half [N$\cdot$m/s]")
-
-
-@contextmanager
-def _figure(
-    rows: int, width: float = 5.0, height: float = 2.2
-) -> Iterator[tuple[Figure, list[Axes]]]:
-    """A figure of panels above each other that share the time axis."""
-    with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(width, height * rows))
-        axes = np.atleast_1d(figure.subplots(rows, 1, sharex=True)).tolist()
-        yield figure, axes
-        axes[-1].set_xlabel("time [s]")
-
-
-def _channels(axes: Axes, result: SimulationResult, values: Array, label: str) -> None:
-    """One line per joint, with a legend beside the axes."""
-    for name, line in zip(result.joint_names, values.T, strict=True):
-        axes.plot(result.t, line, label=name)
-    axes.set_ylabel(label)
-    axes.margins(x=0.0)
-    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7.5)

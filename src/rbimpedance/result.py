@@ -10,14 +10,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 import numpy as np
 
 from ._arrays import Array
+from ._leaf import leaf
+from .dynamics import ArmModel
 from .exceptions import GainError, ModelError
 from .limits import BoolArray
+
+if TYPE_CHECKING:
+    from .visualization import Environment, Viewer
 
 SETTLING_TOLERANCES = (1e-2, 1e-3, 1e-4)
 """Errors whose settling times are reported [rad or m]."""
@@ -57,6 +62,7 @@ class SimulationResult:
         tau_ext: Torque of the environment at t, shape (N, nv) [N·m or N].
         saturated: Whether the joint is at its torque limit, shape (N, nv), bool.
         provenance: What produced it: versions, model names and digests, gains, periods.
+        plant: The simulated arm, for pictures; None in a result from a file, which does not hold it.
     """
 
     t: Array
@@ -71,6 +77,7 @@ class SimulationResult:
     tau_ext: Array
     saturated: BoolArray
     provenance: Mapping[str, Any]
+    plant: ArmModel | None = None
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -116,6 +123,49 @@ class SimulationResult:
         times = np.append(self.t, np.inf)[after_last]
         settled: Array = np.where(outside.any(axis=0), times, self.t[0])
         return settled
+
+    def animate(
+        self,
+        *,
+        robot: object = None,
+        wrench: Environment | None = None,
+        fps: float = 30.0,
+        open: bool = False,
+        port: int = 0,
+    ) -> Viewer:
+        """Show the run: the arm, its reference as a ghost, the force on it, the path of its tool.
+
+        The same as `visualization.animate`, where the arguments and errors are described; it returns at once.
+        """
+        viewer: Viewer = leaf("visualization").animate(
+            self, robot=robot, wrench=wrench, fps=fps, open=open, port=port
+        )
+        return viewer
+
+    def save_html(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        robot: object = None,
+        wrench: Environment | None = None,
+        fps: float = 30.0,
+    ) -> Path:
+        """Write the animation of `animate` as one HTML file that works offline.
+
+        Args:
+            path: Where to.
+            robot: See `visualization.animate`, as for the others.
+            wrench: What `simulate` was given.
+            fps: Frames per second of the run.
+
+        Returns:
+            The path that was written.
+
+        Raises:
+            ModelError: The result does not say which robot it was, or the robot given has other joints.
+            GainError: `fps` is not positive.
+        """
+        return self.animate(robot=robot, wrench=wrench, fps=fps).save_html(path)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the result as an npz file with units and provenance; the file appears whole or not at all.
@@ -195,10 +245,21 @@ def _version(distribution: str) -> str:
         return "unknown"
 
 
+def _plain_arm(arm: Any) -> dict[str, Any]:
+    """Name and digest of an arm, and how `load_robot` finds its links again (None: it cannot)."""
+    recipe = arm.description.recipe if arm.description is not None else None
+    return {
+        "name": arm.name,
+        "digest": arm.digest,
+        "joint_names": list(arm.joint_names),
+        "recipe": None if recipe is None else {**recipe, "tool_frame": arm.tool_frame},
+    }
+
+
 def _plain(value: object) -> Any:
     """Turn arms, gains and dataclasses of them into JSON data."""
     if hasattr(value, "digest") and hasattr(value, "joint_names"):
-        return {"name": value.name, "digest": value.digest, "joint_names": list(value.joint_names)}  # type: ignore[attr-defined]
+        return _plain_arm(value)
     if dataclasses.is_dataclass(value):
         public = [f.name for f in dataclasses.fields(value) if not f.name.startswith("_")]
         return {"type": type(value).__name__} | {

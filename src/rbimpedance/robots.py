@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Real
 from pathlib import Path
 
@@ -12,6 +12,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from ._arrays import vector
+from ._description import Description
 from .dynamics import ArmModel
 from .exceptions import ModelError, UnsupportedJointError
 from .loading.joint_selection import check_mimics, joints_to_lock, locked_positions, root_mimics
@@ -82,7 +83,8 @@ def load_robot(
         model.gravity.linear = vector("gravity", gravity, 3, "x, y, z")
     tool = _default_tool_frame(model, robot.link_order) if tool_frame is None else tool_frame
     notes = (*robot.notes, *_limit_notes(model), *_rotor_notes(model, robot.rotors))
-    arm = ArmModel(model, name=robot.name, tool_frame=tool, notes=notes)
+    description = _with_recipe(robot, source, package_dirs)
+    arm = ArmModel(model, name=robot.name, tool_frame=tool, notes=notes, description=description)
     if armature is not None:
         arm = arm.with_armature(armature)
     check_inertia(arm)
@@ -100,6 +102,26 @@ class _Robot:
     link_order: tuple[str, ...] = ()
     rotors: Path | None = None
     notes: tuple[str, ...] = ()
+    description: Description | None = None
+    is_named: bool = False
+    floats: bool = False
+
+
+def _with_recipe(
+    robot: _Robot, source: object, package_dirs: str | Path | Sequence[str | Path]
+) -> Description | None:
+    """The description with the way to load it again, where the source has a name or a path."""
+    description = robot.description
+    if description is None or description.folder is None:
+        return description
+    folders = (package_dirs,) if isinstance(package_dirs, (str, Path)) else package_dirs
+    recipe = {
+        "source": str(source) if robot.is_named else str(Path(str(source)).absolute()),
+        "lock": sorted(robot.locked) + ([_FLOATING_BASE] if robot.floats else []),
+        "locked_configuration": {name: float(value) for name, value in robot.values.items()},
+        "package_dirs": [str(Path(folder).absolute()) for folder in folders],
+    }
+    return replace(description, recipe=recipe)
 
 
 def _from_model(
@@ -155,6 +177,9 @@ def _from_text(
         link_order=tuple(link.name for link in document.links),
         rotors=text.rotors,
         notes=(*text.notes, *document.notes(), *appearance_notes(document, text)),
+        description=Description(document.xml, text.folder, text.package_dirs),
+        is_named=text.name is not None,
+        floats=text.floating,
     )
 
 

@@ -13,7 +13,7 @@ from .controller import Controller
 from .dynamics import ArmModel, PinocchioDynamics
 from .exceptions import DivergenceError, GainError
 from .integrators import INTEGRATORS, Integrator
-from .interaction import Interaction, TimeFunction, as_interaction
+from .interaction import Interaction, Perfect, Sensor, TimeFunction, as_interaction
 from .result import SimulationResult, provenance
 from .trajectories import Trajectory
 
@@ -33,6 +33,7 @@ def simulate(
     trajectory: Trajectory,
     *,
     wrench: Interaction | ArrayLike | TimeFunction | None = None,
+    sensor: Sensor[Any] | None = None,
     q0: ArrayLike | None = None,
     v0: ArrayLike | None = None,
     duration: float,
@@ -52,6 +53,8 @@ def simulate(
         trajectory: Desired motion as a function of time.
         wrench: Environment: None, an `Interaction` (`FrameWrench`, `JointTorque`, ...), or a wrench (6,) at the tool
             frame in world axes, constant or as a function of time.
+        sensor: What tells the controller the environment's torque: late, filtered, or estimated without a force sensor.
+            The truth by default. The result logs the truth; `sense` gives what was told.
         q0: Initial configuration, shape (nq,); `plant.neutral` by default.
         v0: Initial velocity, shape (nv,); at rest by default.
         duration: Length of the run [s], a multiple of the control period.
@@ -82,7 +85,9 @@ def simulate(
     plant = plant.copy()
     q = np.array(plant.neutral if q0 is None else plant.check_configuration("q0", q0))
     v = np.zeros(plant.nv) if v0 is None else vector("v0", v0, plant.nv).copy()
-    loop = _ClosedLoop(controller, plant, trajectory, as_interaction(wrench), substeps, integrator)
+    sensor = Perfect() if sensor is None else sensor
+    environment = as_interaction(wrench)
+    loop = _ClosedLoop(controller, plant, trajectory, environment, sensor, substeps, integrator)
     return loop.run(q, v, ticks, on_tick)
 
 
@@ -95,6 +100,7 @@ class _ClosedLoop:
         plant: ArmModel,
         trajectory: Trajectory,
         environment: Interaction,
+        sensor: Sensor[Any],
         substeps: int,
         integrator: Integrator,
     ) -> None:
@@ -103,6 +109,7 @@ class _ClosedLoop:
         self.dynamics: PinocchioDynamics = plant.unchecked
         self.trajectory = trajectory
         self.environment = environment
+        self.sensor = sensor
         self.substeps = substeps
         self.integrator = integrator
         self.advance = INTEGRATORS[integrator]
@@ -113,18 +120,20 @@ class _ClosedLoop:
     ) -> SimulationResult:
         self.friction_is_stiff = self._friction_is_stiff(q)
         dt, log = self.controller.dt, _Log(ticks + 1, self.plant.nq, self.plant.nv)
-        state = self.controller.init()
+        state, sensed, tau = self.controller.init(), self.sensor.init(), np.zeros(self.plant.nv)
         for k in range(ticks + 1):
             t = k * dt
             tau_ext = self.environment.torque(self.plant, t, q, v)
-            output, state = self.controller.step(state, q, v, self.trajectory(t), tau_ext)
-            a = self.dynamics.forward_dynamics(q, v, output.tau + tau_ext)
+            told, sensed = self.sensor.step(sensed, q, v, tau, tau_ext)
+            output, state = self.controller.step(state, q, v, self.trajectory(t), told)
+            tau = output.tau
+            a = self.dynamics.forward_dynamics(q, v, tau + tau_ext)
             e_im = self.controller.impedance_error(output, a)
             log.write(k, t, q, v, output, e_im, tau_ext)
             if on_tick is not None:
                 on_tick(k, ticks)
             if k < ticks:
-                q, v = self._period(k, q, v, output.tau, log)
+                q, v = self._period(k, q, v, tau, log)
         return self._result(log, ticks + 1)
 
     def _period(self, k: int, q: Array, v: Array, tau: Array, log: _Log) -> tuple[Array, Array]:
@@ -169,8 +178,13 @@ class _ClosedLoop:
         return SimulationResult(
             **{name: array[:samples] for name, array in log.channels.items()},
             provenance=provenance(
-                self.controller, self.plant, substeps=self.substeps, integrator=self.integrator
+                self.controller,
+                self.plant,
+                substeps=self.substeps,
+                integrator=self.integrator,
+                sensor=self.sensor,
             ),
+            plant=self.plant,
         )
 
 

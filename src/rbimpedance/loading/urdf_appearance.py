@@ -1,4 +1,4 @@
-"""What a URDF says beside dynamics, read by yourdfpy: mesh files and materials. Nothing here decides about dynamics."""
+"""What a URDF says beside dynamics, read by yourdfpy: shapes, meshes, colours. Nothing here decides about dynamics."""
 
 from __future__ import annotations
 
@@ -7,11 +7,52 @@ import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
+import numpy as np
+
+from .._arrays import Array
 from ..exceptions import ModelError
 from .robot_sources import RobotText
 from .urdf_document import UrdfDocument, listed
+
+RGBA = tuple[float, float, float, float]
+"""Red, green, blue and opacity, each from 0 to 1."""
+
+
+class Origin(Protocol):
+    """Where a description came from, as far as its mesh files matter: a `RobotText` or a `Description`."""
+
+    @property
+    def folder(self) -> Path | None:
+        """Folder that relative mesh files refer to."""
+
+    @property
+    def package_dirs(self) -> tuple[Path, ...]:
+        """Folders in which `package://` addresses are looked up."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """One <visual> or <collision> of a link.
+
+    Attributes:
+        link: Name of the link.
+        is_visual: False for a <collision>.
+        placement: Pose in the link's frame, shape (4, 4).
+        kind: "box", "cylinder", "sphere" or "mesh".
+        size: Edges of a box, (radius, length) of a cylinder, (radius,) of a sphere, scale of a mesh.
+        mesh_file: Address of the mesh file as written; empty for the others.
+        color: What its material says; None where it says nothing.
+    """
+
+    link: str
+    is_visual: bool
+    placement: Array
+    kind: str
+    size: tuple[float, ...]
+    mesh_file: str
+    color: RGBA | None
 
 
 @dataclass(frozen=True)
@@ -42,18 +83,7 @@ def read_appearance(xml: str) -> Appearance:
     Raises:
         ModelError: yourdfpy cannot read it.
     """
-    import yourdfpy  # noqa: PLC0415  (takes a second)
-
-    logger = logging.getLogger("yourdfpy.urdf")
-    is_disabled, logger.disabled = logger.disabled, True
-    try:
-        robot = yourdfpy.URDF.load(
-            io.BytesIO(xml.encode()), load_meshes=False, build_scene_graph=False
-        ).robot
-    except Exception as error:
-        raise ModelError(f"visuals cannot be read ({error})") from error
-    finally:
-        logger.disabled = is_disabled
+    robot = _read(xml)
     return Appearance(
         links=tuple(link.name for link in robot.links),
         joints=tuple(joint.name for joint in robot.joints),
@@ -63,7 +93,27 @@ def read_appearance(xml: str) -> Appearance:
     )
 
 
-def find_mesh(address: str, text: RobotText) -> Path | None:
+def read_shapes(xml: str) -> tuple[Shape, ...]:
+    """Read the visual and collision shapes of all links, in the order of the document.
+
+    Args:
+        xml: The document as `read_xml` accepted it.
+
+    Raises:
+        ModelError: yourdfpy cannot read it.
+    """
+    robot = _read(xml)
+    colors = {m.name: m.color.rgba for m in robot.materials if m.color is not None}
+    return tuple(
+        shape
+        for link in robot.links
+        for is_visual, elements in ((True, link.visuals), (False, link.collisions))
+        for element in elements
+        if (shape := _shape(link.name, is_visual, element, colors)) is not None
+    )
+
+
+def find_mesh(address: str, text: Origin) -> Path | None:
     """Return the file that a mesh address means, or None where there is none.
 
     Args:
@@ -113,6 +163,50 @@ def appearance_notes(document: UrdfDocument, text: RobotText) -> tuple[str, ...]
         f"{len(missing)} of {len(appearance.mesh_files)} mesh files are not there ({listed(missing, 2)}): this matters "
         "for pictures only; name their folder with package_dirs=",
     )
+
+
+def _read(xml: str) -> Any:
+    """What yourdfpy makes of a document, without loading meshes."""
+    import yourdfpy  # noqa: PLC0415  (takes a second)
+
+    logger = logging.getLogger("yourdfpy.urdf")
+    is_disabled, logger.disabled = logger.disabled, True
+    try:
+        return yourdfpy.URDF.load(
+            io.BytesIO(xml.encode()), load_meshes=False, build_scene_graph=False
+        ).robot
+    except Exception as error:
+        raise ModelError(f"visuals cannot be read ({error})") from error
+    finally:
+        logger.disabled = is_disabled
+
+
+def _shape(link: str, is_visual: bool, element: Any, colors: dict[str, Any]) -> Shape | None:
+    """Read a <visual> or <collision>; None where it has no finite, positive size."""
+    geometry, color = element.geometry, None
+    if geometry is None:
+        return None
+    kind, mesh_file = "", ""
+    size: Any = ()
+    if geometry.box is not None:
+        kind, size = "box", geometry.box.size
+    elif geometry.cylinder is not None:
+        kind, size = "cylinder", (geometry.cylinder.radius, geometry.cylinder.length)
+    elif geometry.sphere is not None:
+        kind, size = "sphere", (geometry.sphere.radius,)
+    elif geometry.mesh is not None:
+        scale = 1.0 if geometry.mesh.scale is None else geometry.mesh.scale
+        kind, size = "mesh", np.broadcast_to(scale, 3)
+        mesh_file = str(geometry.mesh.filename)
+    extent: tuple[float, ...] = tuple(float(x) for x in size)
+    placement = np.eye(4) if element.origin is None else np.array(element.origin)
+    if not extent or not np.isfinite([*extent, *placement.ravel()]).all() or not all(extent):
+        return None
+    if is_visual and element.material is not None:
+        own = element.material.color
+        color = colors.get(element.material.name) if own is None else own.rgba
+    rgba = None if color is None else tuple(float(x) for x in np.clip(color, 0.0, 1.0))
+    return Shape(link, is_visual, placement, kind, extent, mesh_file, rgba)  # type: ignore[arg-type]
 
 
 def _mesh_files(robot: Any) -> Iterator[str]:
