@@ -389,10 +389,8 @@ def test_port_is_free_again_after_close_and_taken_before(two_link: ArmModel) -> 
 def test_display_tells_the_page_where_the_shapes_are(two_link: ArmModel) -> None:
     with view(two_link) as viewer:
         events = get(viewer.url, "/events")
-        news = b""
-        while not news:  # the page listens a moment after it has asked to
-            viewer.display([0.3, 0.5])
-            news = events.readline()
+        viewer.display([0.3, 0.5])
+        news = events.readline()
         poses = json.loads(news.removeprefix(b"data: "))["arm"]
         expected = Drawing(two_link).poses(np.array([0.3, 0.5]))
         np.testing.assert_allclose(np.reshape(poses, (7, 7)), expected, atol=1e-12)

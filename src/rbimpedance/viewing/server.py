@@ -88,14 +88,14 @@ class Server:
                 self.wfile.write(content)
 
             def _tell_news(self) -> None:
-                self.send_response(200)
-                self.send_header("Content-Type", "text/event-stream")
-                self.send_header("Cache-Control", "no-store")
-                self.end_headers()
                 queue: Queue[str | None] = Queue(maxsize=1)
-                with server._lock:
+                with server._lock:  # before the answer: whoever has it misses nothing
                     server._listeners.add(queue)
                 try:
+                    self.send_response(200)
+                    self.send_header("Content-Type", "text/event-stream")
+                    self.send_header("Cache-Control", "no-store")
+                    self.end_headers()
                     while (message := _next(queue)) is not None:
                         self.wfile.write(message.encode())
                         self.wfile.flush()
