@@ -277,18 +277,18 @@ class Player {
     if (this.time >= this.duration) this.time = 0;
     let last = performance.now();
     const tick = (now) => {
-      if (!this.playing) return;
       const next = this.time + (this.speed * (now - last)) / 1000;
       last = now;
       this.seek(next > this.duration ? 0 : next);
-      requestAnimationFrame(tick);
+      this.frame = requestAnimationFrame(tick);
     };
-    requestAnimationFrame(tick);
+    this.frame = requestAnimationFrame(tick);
     this.onPlaying(true);
   }
 
   pause() {
     this.playing = false;
+    cancelAnimationFrame(this.frame); // else a play() before the next frame would run twice as fast
     this.onPlaying(false);
   }
 
