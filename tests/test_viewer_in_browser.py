@@ -147,7 +147,7 @@ def test_playing_again_before_the_next_frame_does_not_double_the_speed(run_page:
     covered = run_page.run(
         "(async () => { player.seek(0); const start = performance.now();"
         "player.play(); player.pause(); player.play(); player.pause(); player.play();"
-        "while (player.time < 0.2) await new Promise(done => setTimeout(done, 20));"
+        "while (player.time < 0.6) await new Promise(done => setTimeout(done, 20));"
         "player.pause();"
         "return player.time / (performance.now() - start) * 1000 })()"
     )
