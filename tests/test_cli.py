@@ -16,15 +16,7 @@ import pytest
 
 from rbimpedance import SimulationResult, cli, load_robot, scenarios
 
-
-def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    """Run the command line in this process and return its exit code."""
-    monkeypatch.setattr(sys, "argv", ["rbimpedance", *arguments])
-    try:
-        cli.main()
-    except SystemExit as leave:
-        return int(leave.code or 0)
-    return 0
+from .command_line import call
 
 
 def test_paper_writes_figures_and_data_and_names_them(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,6 @@ import pytest
 import scipy.linalg
 
 import rbimpedance as rbi
-from rbimpedance import cli
 from rbimpedance._arrays import Array
 from rbimpedance.trajectories import Trajectory, cosine, hold
 from rbimpedance.tuning import GainProposal, PlantSample, Uncertainty, propose_gains
@@ -25,6 +23,7 @@ from rbimpedance.tuning.mismatch import Mismatch, carried_model, measure
 from rbimpedance.tuning.motions import Spread, sample_motions
 
 from .arms import manipulator, pendulum
+from .command_line import call
 
 DT = 4e-3
 UNKNOWN = Uncertainty(payload=1.0, inertia_scale=1.1)
@@ -427,15 +426,6 @@ def test_damaged_gains_file_is_refused(text: str, tmp_path: Path) -> None:
     path.write_text(text, encoding="utf-8")
     with pytest.raises(rbi.ModelError, match=r"gains\.json"):
         load_gains(path)
-
-
-def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    monkeypatch.setattr(sys, "argv", ["rbimpedance", *arguments])
-    try:
-        cli.main()
-    except SystemExit as leave:
-        return int(leave.code or 0)
-    return 0
 
 
 def test_tune_writes_gains_that_run_reads(
