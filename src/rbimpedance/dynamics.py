@@ -1,193 +1,25 @@
 """`ArmModel`: the rigid-body dynamics of a fixed-base arm, M(q) a + bias(q, v) = tau + tau_ext.
 
-Two layers. `PinocchioDynamics` evaluates Pinocchio's algorithms and checks nothing: it is what the controller and
-the simulator call once their inputs have been checked. `ArmModel` is what users hold: immutable, with every input
-checked at the border, and with copies that differ in payload, inertia, friction, armature or gravity.
+It is what users hold: immutable, with every input checked at the border, and with copies that differ in payload,
+inertia, friction, armature or gravity. What it computes comes from `PinocchioDynamics`, which checks nothing.
 """
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from dataclasses import dataclass
-from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ._arrays import Array, gain, per_joint, positive_number, real, vector
 from ._description import Description
 from ._suggestions import suggest
 from .exceptions import DimensionError, GainError, ModelError, UnsupportedJointError
-
-COULOMB_SMOOTHING = 0.05
-"""Speed v_c at which smoothed Coulomb friction tau_c·tanh(v / v_c) reaches 76 % of tau_c [rad/s or m/s]."""
-
-_WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-
-
-class RigidBodies(NamedTuple):
-    """What enters the dynamics, joint by joint in the order of v, for code that does not know Pinocchio.
-
-    Each joint carries one body. Friction and armature are attributes of the arm.
-
-    Attributes:
-        parent: Index of the joint before it, -1 for the base, shape (nv,).
-        q_index: Where the joint's entries of q begin, shape (nv,).
-        q_size: How many they are: 1, or 2 for the (cos, sin) of a continuous joint, shape (nv,).
-        rotation: Axes of the joint in those of its parent where q is neutral, shape (nv, 3, 3).
-        translation: Origin of the joint in its parent, shape (nv, 3) [m].
-        axis: Axis that the joint turns about or slides along, in its own axes, a unit vector, shape (nv, 3).
-        slides: True for a prismatic joint, shape (nv,).
-        mass: Mass of the body, shape (nv,) [kg].
-        com: Its centre of mass in the joint's axes, shape (nv, 3) [m].
-        inertia: Its rotational inertia about the centre of mass, in the joint's axes, shape (nv, 3, 3) [kg·m²].
-        gravity: Acceleration of free fall in world axes, shape (3,) [m/s²].
-    """
-
-    parent: NDArray[np.int64]
-    q_index: NDArray[np.int64]
-    q_size: NDArray[np.int64]
-    rotation: Array
-    translation: Array
-    axis: Array
-    slides: NDArray[np.bool_]
-    mass: Array
-    com: Array
-    inertia: Array
-    gravity: Array
-
-
-class PinocchioDynamics:
-    """Pinocchio's RNEA, CRBA and ABA with joint friction added; inputs are not checked.
-
-    Friction, which `pin.rnea` and `pin.aba` leave out, is
-
-        tau_f(v) = d·v + tau_c·tanh(v / v_c)
-
-    with d the viscous and tau_c the Coulomb coefficient of the model.
-
-    Each instance owns its `pin.Data` and returns copies; two threads must not share one.
-
-    Attributes:
-        model: The Pinocchio model.
-        frame_ids: Index of every frame by name; where a link shares its name with a joint, that of the link.
-        rnea: Pinocchio's own RNEA of (q, v, a): without friction, its result valid until the next call.
-    """
-
-    def __init__(self, model: pin.Model) -> None:
-        self.model = model
-        frames = sorted(enumerate(model.frames), key=lambda item: item[1].type == pin.BODY)
-        self.frame_ids = {frame.name: i for i, frame in frames}
-        self._data = model.createData()
-        self.rnea = partial(pin.rnea, model, self._data)
-        self._viscous = np.array(model.damping)
-        self._coulomb = np.array(model.upperDryFrictionLimit)
-        self._has_friction = bool(self._viscous.any() or self._coulomb.any())
-
-    def friction(self, v: Array) -> Array:
-        """Friction torque that opposes v, shape (nv,), [N·m or N]."""
-        torque: Array = self._viscous * v + self._coulomb * np.tanh(v / COULOMB_SMOOTHING)
-        return torque
-
-    def mass_matrix(self, q: Array) -> Array:
-        """M(q) with the armature on its diagonal, shape (nv, nv)."""
-        return np.array(pin.crba(self.model, self._data, q))
-
-    def inverse_dynamics(self, q: Array, v: Array, a: Array) -> Array:
-        """M a + bias by one RNEA, shape (nv,)."""
-        tau = np.array(pin.rnea(self.model, self._data, q, v, a))
-        return tau + self.friction(v) if self._has_friction else tau
-
-    def bias(self, q: Array, v: Array) -> Array:
-        """C v + g + friction, shape (nv,)."""
-        tau = np.array(pin.nonLinearEffects(self.model, self._data, q, v))
-        return tau + self.friction(v) if self._has_friction else tau
-
-    def forward_dynamics(self, q: Array, v: Array, torque: Array) -> Array:
-        """Acceleration under the sum of all joint torques, by ABA, shape (nv,)."""
-        if self._has_friction:
-            torque = torque - self.friction(v)
-        return np.array(pin.aba(self.model, self._data, q, v, torque))
-
-    def damped_forward_dynamics(self, q: Array, v: Array, torque: Array, h: float) -> Array:
-        """The same with friction taken at the end of a step h, shape (nv,).
-
-        With D(v)·v = tau_f(v), friction at v + h·a is close to tau_f(v) + h·D·a, so that h·D joins the armature:
-        (M + h·D) a = torque - bias. The step takes energy out however stiff the friction is.
-        """
-        armature = self.model.armature.copy()
-        self.model.armature = armature + h * self._friction_slope(v)
-        a = self.forward_dynamics(q, v, torque)
-        self.model.armature = armature
-        return a
-
-    def friction_rate(self, q: Array) -> float:
-        """The fastest rate at which friction brings a joint to rest, max of (M⁻¹)ᵢᵢ·(d + tau_c/v_c) [1/s]."""
-        slope = self._friction_slope(np.zeros(self.model.nv))
-        return float((np.diag(np.linalg.inv(self.mass_matrix(q))) * slope).max())
-
-    def _friction_slope(self, v: Array) -> Array:
-        """D(v) = tau_f(v)/v, shape (nv,)."""
-        x = v / COULOMB_SMOOTHING
-        secant = np.divide(np.tanh(x), x, out=np.ones_like(x), where=np.abs(x) > 1e-8)
-        slope: Array = self._viscous + self._coulomb / COULOMB_SMOOTHING * secant
-        return slope
-
-    def jacobian(self, q: Array, frame_id: int) -> Array:
-        """Frame Jacobian in world axes at the frame's origin, linear rows first, shape (6, nv)."""
-        J = np.array(pin.computeFrameJacobian(self.model, self._data, q, frame_id, _WORLD_AXES))
-        return J.reshape(6, self.model.nv)  # pin returns a vector where nv = 1
-
-    def frame_placement(self, q: Array, frame_id: int) -> tuple[Array, Array]:
-        """Rotation (3, 3) and origin (3,) of a frame in the world."""
-        pin.forwardKinematics(self.model, self._data, q)
-        placement = pin.updateFramePlacement(self.model, self._data, frame_id)
-        return np.array(placement.rotation), np.array(placement.translation)
-
-    def difference(self, q0: Array, q1: Array) -> Array:
-        """The tangent vector from q0 to q1, q1 (-) q0, shape (nv,)."""
-        return np.array(pin.difference(self.model, q0, q1))
-
-    def integrate(self, q: Array, step: Array) -> Array:
-        """The configuration q (+) step, shape (nq,)."""
-        return np.array(pin.integrate(self.model, q, step))
-
-
-class MimicDynamics(PinocchioDynamics):
-    """The same for models with mimicking joints, on RNEA and forward kinematics alone.
-
-    Pinocchio's ABA does not take such models. Its CRBA and frame Jacobian (pin 4.1.0) do, but are wrong on some trees,
-    and CRBA from the second call on one `pin.Data` on every tree; RNEA and forward kinematics are right on all.
-    """
-
-    def __init__(self, model: pin.Model) -> None:
-        super().__init__(model)
-        self._weightless = pin.Model(model)
-        self._weightless.gravity.linear = np.zeros(3)
-        self._units = np.eye(model.nv)
-
-    def mass_matrix(self, q: Array) -> Array:
-        """M(q) from the torques of unit accelerations; see `PinocchioDynamics.mass_matrix`."""
-        rest = np.zeros(self.model.nv)
-        M: Array = np.empty((self.model.nv, self.model.nv))
-        for i, unit in enumerate(self._units):
-            M[:, i] = pin.rnea(self._weightless, self._data, q, rest, unit)
-        return (M + M.T) / 2.0
-
-    def forward_dynamics(self, q: Array, v: Array, torque: Array) -> Array:
-        """M⁻¹ (torque - bias); see `PinocchioDynamics.forward_dynamics`."""
-        a = np.linalg.solve(self.mass_matrix(q), torque - self.bias(q, v))
-        return np.asarray(a, dtype=np.float64)
-
-    def jacobian(self, q: Array, frame_id: int) -> Array:
-        """The frame's velocities at unit joint velocities; see `PinocchioDynamics.jacobian`."""
-        J = np.empty((6, self.model.nv))
-        for i, unit in enumerate(self._units):
-            pin.forwardKinematics(self.model, self._data, q, unit)
-            J[:, i] = pin.getFrameVelocity(self.model, self._data, frame_id, _WORLD_AXES).vector
-        return J
+from .pinocchio_dynamics import PinocchioDynamics, pinocchio_dynamics
+from .rigid_bodies import RigidBodies, movable_joints, rigid_bodies
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -270,11 +102,11 @@ class ArmModel:
             "name": name,
             "nq": model.nq,
             "nv": model.nv,
-            "joint_names": tuple(model.names[j] for j in _movable(model)),
+            "joint_names": tuple(model.names[j] for j in movable_joints(model)),
             "tool_frame": tool_frame,
             "notes": tuple(notes),
             "description": description,
-            "unchecked": _dynamics(model),
+            "unchecked": pinocchio_dynamics(model),
         }
         for key, value in (fields | arrays).items():
             object.__setattr__(self, key, value)
@@ -301,7 +133,7 @@ class ArmModel:
         """Names of all frames, in Pinocchio's order."""
         return tuple(frame.name for frame in self.unchecked.model.frames)
 
-    @property
+    @functools.cached_property
     def digest(self) -> str:
         """SHA-256 over everything that enters dynamics and kinematics: equal models have equal digests."""
         model = self.unchecked.model
@@ -326,22 +158,7 @@ class ArmModel:
         Raises:
             UnsupportedJointError: A joint that neither turns about nor slides along one axis of its own (mimic, screw).
         """
-        model = self.unchecked.model
-        joints, axes = _movable(model), _motion_axes(model)
-        slides = np.array([not axis[3:].any() for axis in axes])
-        return RigidBodies(
-            parent=np.array([model.parents[j] - 1 for j in joints]),
-            q_index=np.array([model.joints[j].idx_q for j in joints]),
-            q_size=np.array([model.joints[j].nq for j in joints]),
-            rotation=np.array([model.jointPlacements[j].rotation for j in joints]),
-            translation=np.array([model.jointPlacements[j].translation for j in joints]),
-            axis=np.array([axis[:3] + axis[3:] for axis in axes]),
-            slides=slides,
-            mass=np.array([model.inertias[j].mass for j in joints]),
-            com=np.array([model.inertias[j].lever for j in joints]),
-            inertia=np.array([model.inertias[j].inertia for j in joints]),
-            gravity=np.array(model.gravity.linear),
-        )
+        return rigid_bodies(self.unchecked.model)
 
     # --- dynamics -----------------------------------------------------------------------------------------------
 
@@ -523,7 +340,7 @@ class ArmModel:
         Unlike `lower` and `upper`, which bound the entries of q, there is one number per joint; a continuous joint
         has none and gets -inf and +inf.
         """
-        joints = [self.unchecked.model.joints[j] for j in _movable(self.unchecked.model)]
+        joints = [self.unchecked.model.joints[j] for j in movable_joints(self.unchecked.model)]
         lower = [self.lower[j.idx_q] if j.nq == 1 else -np.inf for j in joints]
         upper = [self.upper[j.idx_q] if j.nq == 1 else np.inf for j in joints]
         return np.array(lower), np.array(upper)
@@ -538,7 +355,7 @@ class ArmModel:
         """
         model = self.unchecked.model
         q = np.array(self.neutral)
-        for j in _movable(model):
+        for j in movable_joints(model):
             i, joint = model.joints[j].idx_q, model.joints[j]
             if joint.nq == 2:
                 angle = rng.uniform(-np.pi, np.pi)
@@ -708,17 +525,8 @@ def _rebuild(
     return ArmModel(model, name=name, tool_frame=tool_frame, notes=notes, description=description)
 
 
-def _dynamics(model: pin.Model) -> PinocchioDynamics:
-    return MimicDynamics(model) if len(model.mimicking_joints) else PinocchioDynamics(model)
-
-
-def _movable(model: pin.Model) -> list[int]:
-    """Indices of the joints that own a degree of freedom, in the order of v."""
-    return [j for j in range(1, model.njoints) if model.nvs[j] > 0]
-
-
 def _check_joints(model: pin.Model) -> None:
-    movable = _movable(model)
+    movable = movable_joints(model)
     if not movable:
         raise ModelError(f"'{model.name}' has no movable joint: nothing to control")
     wide = [model.names[j] for j in movable if model.nvs[j] != 1]
@@ -737,29 +545,6 @@ def _sample_placements(model: pin.Model) -> list[pin.SE3]:
         pin.forwardKinematics(model, data, configuration)
         placements += [pin.SE3(placement) for placement in data.oMi]
     return placements
-
-
-def _motion_axes(model: pin.Model) -> list[Array]:
-    """Motion subspace of every joint in its own axes, (linear, angular), each of shape (6,).
-
-    Raises:
-        UnsupportedJointError: A joint that neither turns about nor slides along one axis of its own.
-    """
-    names = [model.names[j] for j in model.mimicking_joints]
-    data, q, axes = model.createData(), pin.neutral(model), []
-    for j in range(1, model.njoints):
-        if model.nvs[j] != 1:
-            continue
-        columns = np.array(pin.computeJointJacobian(model, data, q, j)).reshape(6, model.nv)
-        axis = columns[:, model.joints[j].idx_v]
-        if axis[:3].any() and axis[3:].any():
-            names.append(model.names[j])
-        axes.append(axis)
-    if names:
-        raise UnsupportedJointError(
-            names, "neither turns about nor slides along an axis of its own"
-        )
-    return axes
 
 
 def _is_plain_coordinate(model: pin.Model) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
