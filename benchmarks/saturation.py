@@ -1,4 +1,4 @@
-"""What a torque limit does to the integrators, under five ways to treat them.
+"""What a torque limit does to the integrators, under five ways to treat them; and which torque rate the law needs.
 
     python benchmarks/saturation.py [--out FILE] [--seed 3]
 
@@ -65,11 +65,19 @@ class Conditioned(SuperTwisting):
 class Clipping(Limits):
     """Every torque on its own: a joint at its limit disturbs the others."""
 
-    def allocate(self, tau: Array, mass_matrix: Callable[[], Array]) -> Allocation:
+    def allocate(
+        self,
+        tau: Array,
+        mass_matrix: Callable[[], Array],
+        *,
+        before: Array | None = None,
+        dt: float = np.inf,
+    ) -> Allocation:
         """Clip."""
+        del before, dt
         applied = np.clip(tau, -self.effort, self.effort)
         lacking = np.asarray(np.linalg.solve(mass_matrix(), tau - applied), dtype=np.float64)
-        return Allocation(applied, applied != tau, lacking)
+        return Allocation(applied, applied != tau, np.zeros_like(applied != tau), lacking)
 
 
 def run(
@@ -77,6 +85,7 @@ def run(
     limits: Limits | None,
     duration: float = 5.0,
     q0: Array | None = None,
+    gains: tuple[float, float] = (K1, K2),
 ) -> SimulationResult:
     """Simulate one variant."""
     scenario = paper(surface="fast-terminal", scheme="matched", dt=DT, duration=duration)
@@ -86,7 +95,7 @@ def run(
         old.arm,
         old.impedance,
         old.surface,
-        law(K1, K2, scheme="matched"),
+        law(*gains, scheme="matched"),
         DT,
         knowledge="mass",
         limits=limits,
@@ -119,6 +128,22 @@ def random_starts(seed: int) -> dict[str, dict[str, float]]:
     return found
 
 
+def rates() -> dict[str, dict[str, dict[str, float]]]:
+    """Overshoot against the torque rate, as a multiple of sum_j abs(M_ij)·(k1²/2 + k2) with the arm stretched out."""
+    arm = paper().controller.arm
+    row = np.abs(arm.mass_matrix(np.zeros(2))).sum(axis=1)
+    found: dict[str, dict[str, dict[str, float]]] = {}
+    for k1, k2 in ((16.0, 40.0), (8.0, 10.0), (5.0, 10.0)):
+        unit = row * (k1**2 / 2.0 + k2)
+        cases = found[f"k1 = {k1:g}, k2 = {k2:g}, unit {unit.round().tolist()} N m/s"] = {}
+        for factor in (np.inf, 4.0, 2.0, 1.5, 1.0, 0.75):
+            result = run(SuperTwisting, Limits(rate=factor * unit), 5.0, gains=(k1, k2))
+            cases[f"{factor:g}"] = figures(result) | {
+                "abs(e1) from 4 s on [rad]": float(np.abs(result.e1[result.t >= 4.0]).max())
+            }
+    return found
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -143,6 +168,7 @@ def main() -> None:
             )
         },
         "overshoot from random postures [rad]": random_starts(arguments.seed),
+        "torque rate": rates(),
     }
     text = json.dumps(report, indent=2)
     print(text)

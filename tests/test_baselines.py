@@ -117,9 +117,10 @@ def test_reference_and_errors_are_those_of_the_impedance_controller(
         output, state = controller.step(state, *inputs)
         truth, truth_state = proposed.step(truth_state, *inputs)
         for channel in ("q_r", "v_r", "a_r", "e1", "e2", "q_e", "v_e"):
-            assert_array_equal(getattr(output, channel), getattr(truth, channel))
-        e_im = controller.impedance_error(output, a)
-        assert_array_equal(e_im, proposed.impedance_error(truth, a))
+            mine, expected = getattr(output, channel), getattr(truth, channel)
+            assert_allclose(mine, expected, rtol=0.0, atol=1e-13 * np.abs(expected).max())
+        e_im, expected = controller.impedance_error(output, a), proposed.impedance_error(truth, a)
+        assert_allclose(e_im, expected, rtol=0.0, atol=1e-13 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("name", BASELINES)

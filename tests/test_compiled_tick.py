@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import functools
 import itertools
 import pickle
 import subprocess
@@ -15,8 +16,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 import rbimpedance as rbi
-from rbimpedance.compiled import controller as compiled
+from rbimpedance.compiled import is_available, warm_up
 from rbimpedance.compiled.controller import CompiledTick, FusedTick, Tick
+from rbimpedance.compiled.output import PackedState
 from rbimpedance.compiled.pack import can_pack, pack_law
 
 from . import arms
@@ -32,8 +34,16 @@ SURFACES: dict[str, Any] = {
     "power": rbi.PowerSurface(gamma=3.0, exponent=5.0 / 3.0),
     "fast terminal": rbi.FastTerminalSurface(rate=2.0, gamma=3.0, exponent=0.6),
     "nonsingular terminal": rbi.NonsingularTerminalSurface(beta=3.0, exponent=5.0 / 3.0),
+    "bounded": rbi.BoundedSurface(rbi.FastTerminalSurface(2.0, 3.0, 0.6), error=0.4),
+}
+LIMITS: dict[str, rbi.Limits | None] = {
+    "none": None,
+    "effort": rbi.Limits(effort=3.0),
+    "rate": rbi.Limits(rate=2e3),
+    "both": rbi.Limits(effort=3.0, rate=2e3),
 }
 SCHEMES: tuple[Scheme, ...] = ("explicit", "matched", "implicit")
+FLAGS = ("saturated", "guaranteed", "rate_limited", "clipped", "held")
 KNOWLEDGE: tuple[Knowledge, ...] = ("full", "mass")
 WAYS: tuple[type[Tick], ...] = (FusedTick, CompiledTick)
 
@@ -60,29 +70,35 @@ def controller(arm: rbi.ArmModel, **changes: Any) -> rbi.ImpedanceController:
 
 def tick(way: type[Tick], specification: rbi.ImpedanceController) -> Tick:
     c = specification
-    impedance_filter = c.impedance.filter(c.arm.nv, c.dt)
-    law = pack_law(c.arm.nv, c.dt, impedance_filter, c.surface, c.reaching, c.limits, c.knowledge)
-    return way(c.arm, law, impedance_filter)
+    law = pack_law(c.arm.nv, c.dt, c._filter, c.surface, c.reaching, c.limits, c.knowledge)
+    return way(c.arm, law, c._filter)
+
+
+def take(fast: Tick, state: rbi.ControllerState, *given: Any) -> Any:
+    """One tick: output and next state, or None."""
+    step, own = fast.step
+    return step(own, fast.pack(state), *given)
 
 
 def draw(arm: rbi.ArmModel, rng: np.random.Generator, ticks: int, step: float = 0.5) -> Arguments:
     """Random measurements near a random reference, some ticks into a run."""
-    q_e, v_e, z, x, a, v_d, a_d, v, tau_ext = rng.normal(0.0, 0.5, (9, arm.nv))
+    v_d, a_d, v, tau_ext = rng.normal(0.0, 0.5, (4, arm.nv))
+    remembered = rng.normal(0.0, 0.5, (len(rbi.ControllerState._fields) - 1, arm.nv))
     q_d = arm.random_configuration(rng)
     q = arm.integrate(q_d, rng.normal(0.0, step, arm.nv))
-    state = rbi.ControllerState(ticks, q_e, v_e, z, x, a)
+    state = rbi.ControllerState(ticks, *remembered)
     return state, q, v, rbi.Reference(q_d, v_d, a_d), 10.0 * tau_ext
 
 
 def assert_same(specification: rbi.ImpedanceController, fast: Tick, arguments: Arguments) -> None:
     """Bit-close: each array to 1e-13 of what its sum of terms is made of."""
-    expected, expected_state = specification.step(*arguments)
-    answer = fast.step(*arguments)
+    expected, expected_state = specification._specified_step(*arguments)
+    answer = take(fast, *arguments)
     assert answer is not None
     output, state = answer
     withheld = np.zeros(1)
     if not expected.guaranteed.all():  # a system of equations with M was solved
-        free, _ = controller_without_limits(specification).step(*arguments)
+        free, _ = controller_without_limits(specification)._specified_step(*arguments)
         M = specification.arm.mass_matrix(arguments[1])
         withheld = np.linalg.cond(M) * (free.u - expected.u)
     terms = {
@@ -98,7 +114,7 @@ def assert_same(specification: rbi.ImpedanceController, fast: Tick, arguments: A
             if name in expected._fields
             else (getattr(state, name), getattr(expected_state, name))
         )
-        if name in ("saturated", "guaranteed", "ticks"):
+        if name in (*FLAGS, "ticks"):
             assert_array_equal(mine, truth, err_msg=name)
             continue
         scale = max(np.abs(term).max() for term in terms.get(name, (truth,)))
@@ -109,6 +125,7 @@ def assert_same(specification: rbi.ImpedanceController, fast: Tick, arguments: A
         assert_allclose(getattr(state, name), truth, rtol=0.0, atol=CLOSE * scale, err_msg=name)
 
 
+@functools.lru_cache(maxsize=1)
 def controller_without_limits(c: rbi.ImpedanceController) -> rbi.ImpedanceController:
     return rbi.ImpedanceController(
         c.arm, c.impedance, c.surface, c.reaching, c.dt, knowledge=c.knowledge
@@ -136,7 +153,12 @@ def test_ticks_are_those_of_the_specification(
     rng: np.random.Generator,
 ) -> None:
     reaching = rbi.SuperTwisting(8.0, 10.0, scheme, 3.0 if scheme == "matched" else 1.0)
-    for limits, impedance in itertools.product((None, 3.0), impedances(arm.nv).values()):
+    scalar, *others = impedances(arm.nv).values()
+    pairs = [
+        *((limits, scalar) for limits in LIMITS.values()),
+        *((LIMITS["both"], x) for x in others),
+    ]
+    for limits, impedance in pairs:
         specification = controller(
             arm,
             surface=SURFACES[surface],
@@ -177,7 +199,7 @@ def test_no_error_at_all_gives_the_torque_of_the_model(
         )
         q, v, a = arm.random_configuration(rng), *rng.normal(size=(2, arm.nv))
         fast = tick(way, specification)
-        answer = fast.step(fast.init(), q, v, rbi.Reference(q, v, a), np.zeros(arm.nv))
+        answer = take(fast, fast.init(), q, v, rbi.Reference(q, v, a), np.zeros(arm.nv))
         assert answer is not None
         truth = arm.inverse_dynamics(q, v, a)
         assert_allclose(answer[0].tau, truth, rtol=0.0, atol=1e-12 * np.abs(truth).max())
@@ -196,8 +218,10 @@ def test_runs_of_ticks_stay_together(
     for k in range(200):
         reference = rbi.Reference(q, v, np.full(arm.nv, np.sin(0.01 * k)))
         tau_ext = np.full(arm.nv, np.cos(0.02 * k))
-        expected, expected_state = specification.step(expected_state, q, v, reference, tau_ext)
-        answer = fast.step(state, q, v, reference, tau_ext)
+        expected, expected_state = specification._specified_step(
+            expected_state, q, v, reference, tau_ext
+        )
+        answer = take(fast, state, q, v, reference, tau_ext)
         assert answer is not None
         output, state = answer
         assert_allclose(output.tau, expected.tau, rtol=1e-11, atol=1e-11)
@@ -208,7 +232,7 @@ def test_runs_of_ticks_stay_together(
 def test_a_repeated_tick_gives_the_same_bits(way: type[Tick], rng: np.random.Generator) -> None:
     fast = tick(way, controller(arms.spinner()))
     arguments = draw(fast.arm, rng, 2)
-    first, second = fast.step(*arguments), fast.step(*arguments)
+    first, second = take(fast, *arguments), take(fast, *arguments)
     assert first is not None
     assert second is not None
     for one, other in zip((*first[0], *first[1]), (*second[0], *second[1]), strict=True):
@@ -220,7 +244,7 @@ def test_inputs_are_not_changed(way: type[Tick], rng: np.random.Generator) -> No
     fast = tick(way, controller(arms.spinner(), limits=2.0))
     arguments = draw(fast.arm, rng, 2)
     before = copy.deepcopy(arguments)
-    fast.step(*arguments)
+    take(fast, *arguments)
     state, q, v, reference, tau_ext = arguments
     for one, other in zip(
         (*state, q, v, *reference, tau_ext),
@@ -236,7 +260,7 @@ def test_read_only_inputs_are_welcome(way: type[Tick], rng: np.random.Generator)
     state, q, v, reference, tau_ext = draw(fast.arm, rng, 1)
     for array in (q, v, *reference, tau_ext):
         array.setflags(write=False)
-    assert fast.step(state, q, v, reference, tau_ext) is not None
+    assert take(fast, state, q, v, reference, tau_ext) is not None
 
 
 UNSOUND: dict[str, Any] = {
@@ -255,7 +279,7 @@ def test_numbers_that_are_not_finite_are_refused(
     fast = tick(way, controller(arms.manipulator()))
     arguments: list[Any] = list(draw(fast.arm, rng, 1))
     arguments[index][2] = bad
-    assert fast.step(*arguments) is None
+    assert take(fast, *arguments) is None
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -265,9 +289,9 @@ def test_sizes_that_do_not_fit_are_refused(way: type[Tick], rng: np.random.Gener
     for index in (1, 2, 4):
         longer = [*sound]
         longer[index] = np.append(sound[index], 0.0)
-        assert fast.step(*longer) is None
+        assert take(fast, *longer) is None
     other = draw(arms.manipulator(), rng, 1)[0]
-    assert fast.step(other, *sound[1:]) is None
+    assert take(fast, other, *sound[1:]) is None
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -277,7 +301,7 @@ def test_a_pair_that_is_no_cosine_and_sine_is_refused(
     fast = tick(way, controller(arms.spinner()))
     state, q, v, reference, tau_ext = draw(fast.arm, rng, 1)
     q[:2] *= 1.0 + 2e-6
-    assert fast.step(state, q, v, reference, tau_ext) is None
+    assert take(fast, state, q, v, reference, tau_ext) is None
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -303,7 +327,29 @@ def test_what_is_no_plain_vector_is_a_type_error(
     arguments: list[Any] = list(draw(fast.arm, rng, 1))
     arguments[2] = wrong
     with pytest.raises(TypeError, match="plain NumPy array"):
-        fast.step(*arguments)
+        take(fast, *arguments)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_what_is_no_state_or_reference_is_a_type_error(
+    way: type[Tick], rng: np.random.Generator
+) -> None:
+    fast = tick(way, controller(arms.manipulator()))
+    state, q, v, reference, tau_ext = draw(fast.arm, rng, 1)
+    step, own = fast.step
+    empty, wrong = PackedState.__new__(PackedState), PackedState.__new__(PackedState)
+    wrong.block = "text"  # type: ignore[assignment]
+    for no_state in (state, empty, wrong, None, 1.0, np.zeros(6), b"text"):
+        with pytest.raises(TypeError):
+            step(own, no_state, q, v, reference, tau_ext)
+    packed = fast.pack(state)
+    short = tuple.__new__(rbi.Reference, (q, v))
+    hollow: Any = rbi.Reference(q, v, "text")  # type: ignore[arg-type]
+    wrong_ones: list[Any] = [tuple(reference), short, hollow, None, 1.0, 2**80, q]
+    for no_reference in wrong_ones:
+        with pytest.raises(TypeError):
+            step(own, packed, q, v, no_reference, tau_ext)
+    assert step(own, packed, q, v, reference, tau_ext) is not None
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -313,9 +359,11 @@ def test_output_and_state_behave_as_the_named_tuples_they_stand_for(
     arm = arms.spinner()
     specification = controller(arm, limits=3.0)
     arguments = draw(arm, rng, 3)
-    answer = tick(way, specification).step(*arguments)
+    answer = take(tick(way, specification), *arguments)
     assert answer is not None
-    pairs: list[tuple[Any, Any]] = list(zip(answer, specification.step(*arguments), strict=True))
+    pairs: list[tuple[Any, Any]] = list(
+        zip(answer, specification._specified_step(*arguments), strict=True)
+    )
     for mine, plain in pairs:
         assert isinstance(mine, type(plain))
         assert mine._fields == plain._fields
@@ -336,24 +384,26 @@ def test_output_and_state_behave_as_the_named_tuples_they_stand_for(
 
 
 @pytest.mark.parametrize("way", WAYS)
-def test_arrays_of_an_output_are_the_users_own(way: type[Tick], rng: np.random.Generator) -> None:
+def test_arrays_of_an_output_are_the_users_own_and_those_of_a_state_cannot_change(
+    way: type[Tick], rng: np.random.Generator
+) -> None:
     fast = tick(way, controller(arms.manipulator()))
-    answer = fast.step(*draw(fast.arm, rng, 1))
+    answer = take(fast, *draw(fast.arm, rng, 1))
     assert answer is not None
     output, state = answer
-    z = state.z
-    state.z[:] = np.nan
     output.tau[:] = np.nan
-    assert_array_equal(state.z, z)
     assert np.isfinite(output.tau).all()
     assert output.tau.flags.c_contiguous
+    for x in state[1:]:
+        with pytest.raises(ValueError, match="read-only"):
+            x[0] = 1.0
 
 
 def test_ticks_can_be_pickled(rng: np.random.Generator) -> None:
     fast = tick(CompiledTick, controller(arms.manipulator()))
     arguments = draw(fast.arm, rng, 1)
-    again = pickle.loads(pickle.dumps(fast)).step(*arguments)
-    answer = fast.step(*arguments)
+    again = take(pickle.loads(pickle.dumps(fast)), *arguments)
+    answer = take(fast, *arguments)
     assert answer is not None
     assert_array_equal(again[0].tau, answer[0].tau)
 
@@ -384,11 +434,11 @@ def test_package_does_not_load_numba_until_it_is_needed() -> None:
 
 def test_a_second_process_compiles_nothing() -> None:
     """The kernels that this process has made or found are on the disk."""
-    compiled.kernels()
+    assert warm_up()
     code = (
         "from numba.core import event\n"
-        "from rbimpedance.compiled.controller import kernels\n"
-        "with event.install_recorder('numba:compile') as recorder: kernels()\n"
+        "from rbimpedance.compiled import warm_up\n"
+        "with event.install_recorder('numba:compile') as recorder: warm_up()\n"
         "print(len(recorder.buffer))"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -396,7 +446,5 @@ def test_a_second_process_compiles_nothing() -> None:
 
 
 def test_compiled_code_is_available_here() -> None:
-    from rbimpedance.compiled import is_available, warm_up  # noqa: PLC0415
-
     assert is_available()
     assert warm_up()

@@ -12,6 +12,9 @@ from .exceptions import DimensionError, GainError, NonFiniteError
 Array: TypeAlias = NDArray[np.float64]
 """What the library returns: float64, C-contiguous, native byte order."""
 
+BoolArray: TypeAlias = NDArray[np.bool_]
+"""One truth value per joint."""
+
 
 def vector(name: str, value: ArrayLike, size: int | None, symbol: str = "nv") -> Array:
     """Check that a run-time input is a finite real vector of the given size.

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 from ._arrays import Array, positive_number
 from ._frozen import set_fields
 from .controller import ControllerOutput
-from .dynamics import ArmModel, PinocchioDynamics
+from .dynamics import ArmModel
 from .impedance import TargetFilter, TargetImpedance
+from .pinocchio_dynamics import PinocchioDynamics
 from .tracking import Knowledge, Tracking, check_knowledge, track
 from .trajectories import Reference
 
@@ -115,6 +116,9 @@ class Baseline(ABC):
             v_e=v_e.copy(),
             saturated=none,
             guaranteed=none.copy(),
+            rate_limited=none.copy(),
+            clipped=none.copy(),
+            held=none.copy(),
         )
         return output, BaselineState(*self._filter.advance(q_e, v_e, tick.tau_ext))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol, TypeVar, get_args
 
@@ -10,10 +11,12 @@ from numpy.typing import ArrayLike
 
 from ._arrays import Array, per_joint, positive_number
 from ._frozen import set_fields
-from .compiled.selection import Step, compiled_step
+from .bounded_surface import clipped
+from .compiled.selection import Step, Tick, compiled_tick
 from .dynamics import ArmModel
-from .exceptions import GainError
+from .exceptions import GainError, InputError
 from .impedance import TargetFilter, TargetImpedance
+from .lean import LeanController
 from .limits import Allocation, Limits, as_limits
 from .super_twisting import ReachingState, SuperTwisting
 from .surfaces import Surface
@@ -23,7 +26,10 @@ from .tracking import Knowledge, check_knowledge, check_measurements, model_torq
 from .trajectories import Reference
 
 Backend = Literal["pinocchio", "compiled"]
-"""Who computes a tick: NumPy and Pinocchio, or compiled code."""
+"""Whose algorithms compute the dynamics: Pinocchio's, or the same as compiled code."""
+
+LONGEST_PERIOD = 100.0
+"""Longest measured period that a tick accepts, in control periods."""
 
 StateT = TypeVar("StateT")
 
@@ -62,7 +68,7 @@ class ImpedanceController:
     It makes the sliding variable obey ṡ = -u + w, with w what the model does not know, and so brings q to the
     impedance reference q_r: the arm then moves as M_d, D_d, K_d demand under the measured tau_ext.
 
-    A controller is immutable. `step` is pure: the same arguments give the same, bit-equal answer.
+    A controller is immutable. `step` is pure: the same arguments give the same, bit-equal answer, in any thread.
 
     Attributes:
         arm: The controller's model of the arm.
@@ -73,9 +79,9 @@ class ImpedanceController:
         knowledge: "full"; or "mass" for the controller of the paper's section 4, which knows M(q) only.
         limits: `Limits`, or an array-like of torque limits; None for none. The arm's own `effort_limit` is not used
             unless it is given here.
-        backend: "pinocchio" for NumPy around Pinocchio's calls; "compiled" for the same law and dynamics as machine
-            code, equal to rounding (docs/realtime.md). Two threads must not share a compiled controller. What cannot
-            be compiled is left to the other form; the logger "rbimpedance" says so, once.
+        backend: "pinocchio" for Pinocchio's algorithms with the law compiled around them; "compiled" for algorithms
+            compiled as well, equal to rounding (docs/realtime.md). NumPy does what cannot be compiled; the logger
+            "rbimpedance" says so, once.
 
     Raises:
         GainError: dt is not a positive number, an unknown `knowledge` or `backend`, or a limit that is not positive.
@@ -92,7 +98,9 @@ class ImpedanceController:
     limits: Limits | None
     backend: Backend
     _filter: TargetFilter
+    _tick: Tick | None
     _compiled: Step | None
+    _own: Any
 
     def __init__(
         self,
@@ -110,7 +118,7 @@ class ImpedanceController:
         check_knowledge(knowledge)
         _check_backend(backend)
         limits = as_limits(limits)
-        for owner in (surface, reaching, limits):
+        for owner in (surface, getattr(surface, "surface", None), reaching, limits):
             for name, value in vars(owner).items() if owner is not None else ():
                 if isinstance(value, np.ndarray):
                     per_joint(f"{type(owner).__name__}.{name}", value, arm.nv)
@@ -129,7 +137,8 @@ class ImpedanceController:
         self._compile()
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name != "_compiled"}
+        made_anew = "_tick", "_compiled", "_own"
+        return {name: value for name, value in vars(self).items() if name not in made_anew}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         set_fields(self, **state)
@@ -138,7 +147,7 @@ class ImpedanceController:
     def warm_up(self) -> None:
         """Take one tick and forget it, so that the first one of a run is no slower than the rest.
 
-        Everything is compiled, or loaded from the disk, when the controller is made. Nothing to do for "pinocchio".
+        Everything is compiled, or loaded from the disk, when the controller is made.
         """
         if self._compiled is not None:
             zero, q = np.zeros(self.arm.nv), self.arm.neutral
@@ -146,9 +155,11 @@ class ImpedanceController:
 
     def init(self) -> ControllerState:
         """Return the state before the first tick: filter at rest, integral zero."""
+        if self._tick is not None:
+            return self._tick.init()
         zero = np.zeros(self.arm.nv)
         zero.setflags(write=False)
-        return ControllerState(0, zero, zero, zero, zero, zero)
+        return ControllerState(0, *[zero] * (len(ControllerState._fields) - 1))
 
     def step(
         self,
@@ -157,6 +168,7 @@ class ImpedanceController:
         v: ArrayLike,
         reference: Reference,
         tau_ext: ArrayLike,
+        period: float | None = None,
     ) -> tuple[ControllerOutput, ControllerState]:
         """Compute the torque of one tick.
 
@@ -166,6 +178,7 @@ class ImpedanceController:
             v: Measured velocity, shape (nv,) [rad/s or m/s].
             reference: Desired motion at this tick.
             tau_ext: Measured torque of the environment on the robot, shape (nv,) [N·m or N].
+            period: Measured time since the tick before, see `elapsed`; dt if it is not given [s].
 
         Returns:
             The output, and the state for the next tick.
@@ -173,16 +186,49 @@ class ImpedanceController:
         Raises:
             DimensionError: Wrong shape or kind.
             NonFiniteError: An input holds NaN or infinity.
+            InputError: A period that is not positive, or longer than `LONGEST_PERIOD` control periods.
         """
+        if period is not None:
+            state = self.elapsed(state, period)
         if self._compiled is None:
             return self._specified_step(state, q, v, reference, tau_ext)
+        answer: tuple[ControllerOutput, ControllerState] | None
         try:
-            answer = self._compiled(state, q, v, reference, tau_ext)
+            answer = self._compiled(self._own, state, q, v, reference, tau_ext)
         except (TypeError, ValueError):  # not plain vectors
             answer = None
         if answer is None:
             return self._checked_step(state, q, v, reference, tau_ext)
         return answer
+
+    def lean(self, state: ControllerState | None = None) -> LeanController:
+        """Return the tick for a real-time loop: torque only, in memory that is made once.
+
+        Args:
+            state: State to begin with; `init()` by default.
+        """
+        return LeanController(self, self._tick, state)
+
+    def elapsed(self, state: ControllerState, period: float) -> ControllerState:
+        """Return the state at a tick that comes a measured time after the one before, instead of dt after it.
+
+        The filter takes its step anew over the measured time, exact for the tau_ext that was held; the integral grows
+        in proportion. The law's own period stays dt, since the torque of this tick is expected to be held for dt.
+
+        Args:
+            state: From the tick before.
+            period: Time since then, more than 0 and at most `LONGEST_PERIOD`·dt [s].
+
+        Raises:
+            InputError: Not such a number.
+        """
+        period = _checked_period(period, self.dt)
+        if state.ticks == 0 or period == self.dt:
+            return state
+        late = self.impedance.filter(self.arm.nv, period)
+        q_e, v_e = late.advance(state.q_e_before, state.v_e_before, state.tau_ext)
+        z = state.z_before + (state.z - state.z_before) * (period / self.dt)
+        return state._replace(q_e=q_e, v_e=v_e, z=z)
 
     def with_impedance(self, impedance: TargetImpedance) -> ImpedanceController:
         """Return the same controller with another target; a run goes on with the state that it has.
@@ -223,18 +269,18 @@ class ImpedanceController:
         return self._filter.error(e1, e2, e3, output.q_e, output.v_e)
 
     def _compile(self) -> None:
-        step = None
-        if self.backend == "compiled":
-            step = compiled_step(
-                self.arm,
-                self._filter,
-                self.surface,
-                self.reaching,
-                self.dt,
-                knowledge=self.knowledge,
-                limits=self.limits,
-            )
-        set_fields(self, _compiled=step)
+        tick = compiled_tick(
+            self.arm,
+            self._filter,
+            self.surface,
+            self.reaching,
+            self.dt,
+            knowledge=self.knowledge,
+            limits=self.limits,
+            backend=self.backend,
+        )
+        step, own = (None, None) if tick is None else tick.step
+        set_fields(self, _tick=tick, _compiled=step, _own=own)
 
     def _checked_step(
         self,
@@ -246,10 +292,10 @@ class ImpedanceController:
     ) -> tuple[ControllerOutput, ControllerState]:
         """The compiled tick for inputs that it has refused: an error, or another try with plain vectors."""
         given = check_measurements(self.arm, q, v, reference, tau_ext)
-        try:
-            answer = self._compiled(state, *given) if self._compiled is not None else None
-        except TypeError:  # not aligned in memory
-            answer = None
+        answer = None
+        if self._tick is not None and self._compiled is not None:
+            with contextlib.suppress(TypeError):  # not aligned in memory
+                answer = self._compiled(self._own, self._tick.pack(state), *given)
         return self._specified_step(state, *given) if answer is None else answer
 
     def _specified_step(
@@ -279,31 +325,61 @@ class ImpedanceController:
         gain = self.surface.hold_gain(e1, self.dt)
         a = a_r + (self.surface.feedforward(e1, e2) + u) / gain
         tau = model_torque(self.arm, self.knowledge, tick.q, tick.v, a) - tick.tau_ext  # eq. (8)
-        tau, saturated, lacking = self._allocate(tick.q, tau)
-        missing = gain * lacking
+        allocation = self._allocate(state, tick.q, tau)
+        missing = gain * allocation.lacking
         following = self.reaching.without_windup(reaching, following, missing, self.dt)
 
         q_e, v_e = self._filter.advance(state.q_e, state.v_e, tick.tau_ext)
         output = ControllerOutput(
-            tau,
+            allocation.tau,
             *(tick.q_r, tick.v_r, a_r, e1, e2, s),
             u=u - missing,
             q_e=state.q_e.copy(),
             v_e=state.v_e.copy(),
-            saturated=saturated,
+            saturated=allocation.saturated,
             guaranteed=missing == 0.0,
+            rate_limited=allocation.rate_limited,
+            clipped=clipped(self.surface, e1),
+            held=np.zeros(e1.shape, dtype=np.bool_),
         )
-        return output, ControllerState(state.ticks + 1, q_e, v_e, *following)
+        return output, ControllerState(
+            state.ticks + 1,
+            q_e,
+            v_e,
+            *following,
+            tau=output.tau.copy(),
+            tau_ext=np.array(tick.tau_ext),
+            q_e_before=state.q_e,
+            v_e_before=state.v_e,
+            z_before=reaching.z,
+        )
 
     def _reaching_state(self, state: ControllerState, s: Array) -> ReachingState:
         if state.ticks == 0:
             return self.reaching.start(s)
         return ReachingState(state.z, state.x, state.a)
 
-    def _allocate(self, q: Array, tau: Array) -> Allocation:
+    def _allocate(self, state: ControllerState, q: Array, tau: Array) -> Allocation:
         if self.limits is None:
-            return Allocation(tau, np.zeros(tau.shape, dtype=np.bool_), np.zeros_like(tau))
-        return self.limits.allocate(tau, lambda: self.arm.unchecked.mass_matrix(q))
+            none = np.zeros(tau.shape, dtype=np.bool_)
+            return Allocation(tau, none, none.copy(), np.zeros_like(tau))
+        return self.limits.allocate(
+            tau,
+            lambda: self.arm.unchecked.mass_matrix(q),
+            before=state.tau if state.ticks else None,
+            dt=self.dt,
+        )
+
+
+def _checked_period(period: float, dt: float) -> float:
+    words = f"a time in (0, {LONGEST_PERIOD:g}·dt = {LONGEST_PERIOD * dt:g} s]; after a longer pause begin with `init`"
+    try:
+        period = float(period)
+    except (TypeError, ValueError):
+        raise InputError(f"period is {period!r}; it has to be {words}") from None
+    if not 0.0 < period <= LONGEST_PERIOD * dt:
+        raise InputError(f"period is {period:g} s; it has to be {words}")
+    return period
 
 
 def _check_backend(backend: str) -> None:

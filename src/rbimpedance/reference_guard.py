@@ -8,13 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._arrays import Array, gain, per_joint, positive_number
+from ._arrays import Array, BoolArray, gain, per_joint, positive_number
 from ._frozen import set_fields
-from .controller import Controller, ControllerOutput
+from .controller import Controller, ControllerOutput, ImpedanceController
 from .dynamics import ArmModel
-from .exceptions import GainError
+from .exceptions import GainError, InputError
 from .impedance import TargetFilter
-from .limits import BoolArray
 from .tracking import check_reference, track
 from .trajectories import Reference
 
@@ -28,12 +27,14 @@ class GuardState(NamedTuple):
         inner: State of the controller that is guarded.
         q_g: How far the guard has moved the reference, shape (nv,) [rad or m].
         v_g: Its rate, shape (nv,) [rad/s or m/s].
+        a_g: Its acceleration since the tick before, shape (nv,) [rad/s² or m/s²].
         held: Whether the guard held the joint back in the tick before, shape (nv,), bool.
     """
 
     inner: Any
     q_g: Array
     v_g: Array
+    a_g: Array
     held: BoolArray
 
 
@@ -129,8 +130,8 @@ class ReferenceGuard:
 
     def init(self) -> GuardState:
         """Return the state before the first tick: reference not moved."""
-        zero = np.zeros(self.arm.nv)
-        return GuardState(self.controller.init(), zero, zero, np.zeros(self.arm.nv, dtype=np.bool_))
+        zero, none = np.zeros(self.arm.nv), np.zeros(self.arm.nv, dtype=np.bool_)
+        return GuardState(self.controller.init(), zero, zero, zero, none)
 
     def step(
         self,
@@ -139,6 +140,7 @@ class ReferenceGuard:
         v: ArrayLike,
         reference: Reference,
         tau_ext: ArrayLike,
+        period: float | None = None,
     ) -> tuple[ControllerOutput, GuardState]:
         """Compute the torque of one tick; see `ImpedanceController.step`.
 
@@ -148,12 +150,16 @@ class ReferenceGuard:
             v: Measured velocity, shape (nv,) [rad/s or m/s].
             reference: Desired motion at this tick.
             tau_ext: Measured torque of the environment on the robot, shape (nv,) [N·m or N].
+            period: Measured time since the tick before; dt if it is not given [s].
 
         Raises:
             DimensionError: Wrong shape or kind.
             NonFiniteError: An input holds NaN or infinity.
+            InputError: A period that `ImpedanceController.elapsed` refuses, or one for a baseline.
         """
-        h, (inner, q_g, v_g, _) = self.dt, state
+        if period is not None:
+            state = self.elapsed(state, period)
+        h, (inner, q_g, v_g, _, _) = self.dt, state
         moved = self._moved(check_reference(self.arm, reference), q_g, v_g, np.zeros_like(q_g))
         tick = track(
             self.arm,
@@ -173,7 +179,25 @@ class ReferenceGuard:
         desired = self._moved(tick.desired, np.zeros_like(q_g), np.zeros_like(q_g), a_g)
         output, inner = self.controller.step(inner, q, v, desired, tau_ext)
         following = q_g + h * v_g + h**2 / 2.0 * a_g, v_g + h * a_g
-        return output, GuardState(inner, *following, held)
+        output = output._replace(held=held)
+        return output, GuardState(inner, *following, a_g, held)
+
+    def elapsed(self, state: GuardState, period: float) -> GuardState:
+        """Return the state at a tick that comes a measured time after the one before, instead of dt after it.
+
+        Args:
+            state: From the tick before.
+            period: Time since then [s]; see `ImpedanceController.elapsed`.
+
+        Raises:
+            InputError: A period that is refused there, or the controller that is guarded takes none.
+        """
+        if not isinstance(self.controller, ImpedanceController):
+            name = type(self.controller).__name__
+            raise InputError(f"{name} takes no measured period; only ImpedanceController does")
+        inner, late = self.controller.elapsed(state.inner, period), float(period) - self.dt
+        q_g = state.q_g + late * state.v_g + late**2 / 2.0 * state.a_g
+        return state._replace(inner=inner, q_g=q_g, v_g=state.v_g + late * state.a_g)
 
     def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
         """Return e_im towards the guarded reference; see `ImpedanceController.impedance_error`.

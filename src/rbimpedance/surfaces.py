@@ -43,6 +43,9 @@ class Surface(Protocol):
     def time_to(self, tolerance: float, e1: ArrayLike) -> Array:
         """Time that abs(e1) needs on s = 0 to fall to a tolerance [s]."""
 
+    def speed(self, e1: ArrayLike) -> Array:
+        """Speed abs(e2) on s = 0 [rad/s or m/s]."""
+
 
 @dataclass(frozen=True, eq=False, init=False)
 class PowerSurface:
@@ -119,6 +122,15 @@ class PowerSurface:
         start = np.maximum(np.abs(np.asarray(e1, dtype=np.float64)), tolerance)
         time: Array = (tolerance ** (1.0 - p) - start ** (1.0 - p)) / (self.gamma * (p - 1.0))
         return time
+
+    def speed(self, e1: ArrayLike) -> Array:
+        """abs(e2) on s = 0 [rad/s or m/s].
+
+        Args:
+            e1: Position error [rad or m].
+        """
+        e1 = np.asarray(e1, dtype=np.float64)
+        return np.abs(self.value(e1, np.zeros_like(e1)))
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -218,6 +230,15 @@ class FastTerminalSurface:
         start = np.abs(np.asarray(e1, dtype=np.float64))
         outer = self._power_time(np.maximum(tolerance, self.smoothing), start)
         return outer + self._inner_time(tolerance, np.minimum(start, self.smoothing))
+
+    def speed(self, e1: ArrayLike) -> Array:
+        """abs(e2) on s = 0 [rad/s or m/s].
+
+        Args:
+            e1: Position error [rad or m].
+        """
+        e1 = np.asarray(e1, dtype=np.float64)
+        return np.abs(self.value(e1, np.zeros_like(e1)))
 
     def _slope(self, e1: Array) -> Array:
         """λ + γ·φ'(e1)."""
@@ -322,6 +343,15 @@ class NonsingularTerminalSurface:
             e1: Position error when sliding begins [rad or m].
         """
         return self._time(np.asarray(tolerance, dtype=np.float64), e1)
+
+    def speed(self, e1: ArrayLike) -> Array:
+        """abs(e2) on s = 0, (β·abs(e1))^(1/p) [rad/s or m/s].
+
+        Args:
+            e1: Position error [rad or m].
+        """
+        speed: Array = (self.beta * np.abs(e1)) ** (1.0 / self.exponent)
+        return speed
 
     def _time(self, end: Array, e1: ArrayLike) -> Array:
         """Time of ė1 = -sig(β·e1)^(1/p) down to abs(e1) = end."""

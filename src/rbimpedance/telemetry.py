@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ._arrays import Array
-from .limits import BoolArray
+from ._arrays import Array, BoolArray
 
 
 class ControllerState(NamedTuple):
@@ -18,6 +17,11 @@ class ControllerState(NamedTuple):
         z: Integral of the reaching law, shape (nv,) [s].
         x: Modified sliding variable of the implicit scheme, shape (nv,).
         a: Its correction, shape (nv,).
+        tau: Torque of the tick before, shape (nv,) [N·m or N].
+        tau_ext: Torque of the environment that was measured then, shape (nv,) [N·m or N].
+        q_e_before: q_e at that tick; with v_e_before, z_before and tau_ext, all that a late tick starts from again.
+        v_e_before: v_e at that tick.
+        z_before: z at that tick.
     """
 
     ticks: int
@@ -26,6 +30,11 @@ class ControllerState(NamedTuple):
     z: Array
     x: Array
     a: Array
+    tau: Array
+    tau_ext: Array
+    q_e_before: Array
+    v_e_before: Array
+    z_before: Array
 
 
 class ControllerOutput(NamedTuple):
@@ -47,6 +56,10 @@ class ControllerOutput(NamedTuple):
             bool: the one premise of Theorem 1 that a controller can see. It is False exactly where a limit withholds
             acceleration. Where it turns True the theorem starts anew, from that tick's s and z; its other premise,
             the bound on the disturbance's rate, stays the user's. Always False where no super-twisting law acts.
+        rate_limited: Whether the torque may not change faster, shape (nv,), bool; where it is also at its limit, only
+            `saturated` is True.
+        clipped: Whether a `BoundedSurface` sees less than the whole error, shape (nv,), bool.
+        held: Whether a `ReferenceGuard` holds the reference back, shape (nv,), bool.
     """
 
     tau: Array
@@ -61,3 +74,6 @@ class ControllerOutput(NamedTuple):
     v_e: Array
     saturated: BoolArray
     guaranteed: BoolArray
+    rate_limited: BoolArray
+    clipped: BoolArray
+    held: BoolArray

@@ -11,16 +11,20 @@ import logging
 
 
 @functools.cache
-def is_available() -> bool:
-    """Whether compiled code works here; where it does not, the logger "rbimpedance" says why, once."""
+def is_available(backend: str = "pinocchio") -> bool:
+    """Whether a backend can be compiled here; where it cannot, the logger "rbimpedance" says why, once.
+
+    What it needs is compiled at the first call, or loaded from the disk.
+
+    Args:
+        backend: "pinocchio" or "compiled".
+    """
     try:
-        from .controller import kernels as _tick  # noqa: PLC0415 (Numba is loaded when needed)
-        from .dynamics import kernels as _dynamics  # noqa: PLC0415
-        from .probe import check_borrowing  # noqa: PLC0415
+        from .probe import check_borrowing  # noqa: PLC0415 (Numba is loaded when needed)
+        from .warmth import compile_backend  # noqa: PLC0415
 
         check_borrowing()
-        _tick()
-        _dynamics()
+        compile_backend(backend)
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
         say_once(f"compiled code is not available ({reason}): NumPy computes the same, more slowly")
@@ -29,14 +33,15 @@ def is_available() -> bool:
 
 
 def warm_up() -> bool:
-    """Compile everything ahead of the first tick, or load it from the disk, where the first run has left it.
+    """Compile both backends ahead of the first controller, or load them from the disk.
 
-    The first call on a machine takes tens of seconds, later ones a fraction of one.
+    The first call on a machine takes up to a minute, later ones a second. To have only the default backend compiled,
+    make a controller.
 
     Returns:
         Whether compiled code works here.
     """
-    return is_available()
+    return is_available("pinocchio") and is_available("compiled")
 
 
 @functools.cache

@@ -18,27 +18,36 @@ from numba.core import cgutils
 from numba.core.datamodel import models
 from numba.extending import NativeValue, register_model, unbox
 
-_BYTE, _INT, _SIZE = ir.IntType(8), ir.IntType(32), ir.IntType(64)
-_POINTER = _BYTE.as_pointer()
+BYTE, SIZE = ir.IntType(8), ir.IntType(64)
+POINTER = BYTE.as_pointer()
+_INT = ir.IntType(32)
 
-_HEAD = [
-    ir.ArrayType(_BYTE, object.__basicsize__ - 8),
-    _POINTER,
+HEAD = [
+    ir.ArrayType(BYTE, object.__basicsize__ - 8),
+    POINTER,
 ]  # the type is the last word of every object's head
 _ARRAY = ir.LiteralStructType(
-    [*_HEAD, _POINTER, _INT, _SIZE.as_pointer(), _SIZE.as_pointer(), _POINTER, _POINTER, _INT]
+    [*HEAD, POINTER, _INT, SIZE.as_pointer(), SIZE.as_pointer(), POINTER, POINTER, _INT]
 )
-_TYPE, _DATA, _NDIM, _SHAPE, _DTYPE, _FLAGS = 1, 2, 3, 4, 7, 8
-_DESCRIPTOR = ir.LiteralStructType([*_HEAD, _POINTER, *[_BYTE] * 4, _INT])
+_DATA, _NDIM, _SHAPE, _DTYPE, _FLAGS = 2, 3, 4, 7, 8
+_DESCRIPTOR = ir.LiteralStructType([*HEAD, POINTER, *[BYTE] * 4, _INT])
 _BYTE_ORDER, _TYPE_NUMBER = 5, 7
 
 _C_CONTIGUOUS, _ALIGNED, _WRITEABLE = 0x0001, 0x0100, 0x0400
 _FOREIGN_ORDER = ">" if sys.byteorder == "little" else "<"
 
-_NDARRAY = "rbimpedance.ndarray"
-binding.add_symbol(
-    _NDARRAY, id(np.ndarray)
-)  # resolved when code is loaded, so that it can be kept on disk
+
+def symbol_of(kind: type) -> str:
+    """Return the name under which compiled code finds a type, which is looked up each time that the code is loaded.
+
+    Call it when a module is imported: code from the disk is loaded without its being emitted anew.
+    """
+    symbol = f"rbimpedance.{kind.__module__}.{kind.__qualname__}"
+    binding.add_symbol(symbol, id(kind))
+    return symbol
+
+
+_NDARRAY = symbol_of(np.ndarray)
 
 
 class Borrowed(types.Array):  # type: ignore[misc]
@@ -67,7 +76,7 @@ class Borrowed(types.Array):  # type: ignore[misc]
 
 
 @register_model(Borrowed)
-class _BorrowedModel(models.ArrayModel):  # type: ignore[misc]
+class BorrowedModel(models.ArrayModel):  # type: ignore[misc]
     """Numba's array structure, of which no references are counted."""
 
     def traverse(self, builder: Any) -> list[Any]:
@@ -81,43 +90,67 @@ def _unbox(kind: Borrowed, obj: Any, c: Any) -> NativeValue:
     """Emit the code that turns a NumPy array into Numba's array structure, without a reference to it."""
     builder = c.builder
     native = c.context.make_array(kind)(c.context, builder)
-    array = builder.bitcast(obj, _ARRAY.as_pointer())
     if kind.trusted:
-        _fill(kind, native, array, builder)
+        fill(kind, native, obj, builder)
         return NativeValue(native._getvalue())
     fails = cgutils.alloca_once_value(builder, cgutils.true_bit)
-    with builder.if_then(_is_array(array, builder), likely=True):  # noqa: SIM117 (nested blocks of code)
-        with builder.if_then(_is_as_declared(kind, array, builder), likely=True):
-            _fill(kind, native, array, builder)
-            builder.store(cgutils.false_bit, fails)
+    with builder.if_then(is_plain_array(kind, obj, builder), likely=True):
+        fill(kind, native, obj, builder)
+        builder.store(cgutils.false_bit, fails)
     failed = builder.load(fails)
     with builder.if_then(failed, likely=False):
         c.pyapi.err_set_string("PyExc_TypeError", f"not a plain NumPy array, {kind}")
     return NativeValue(native._getvalue(), is_error=failed)
 
 
-def _field(builder: Any, structure: Any, index: int) -> Any:
+def is_instance(obj: Any, symbol: str, builder: Any) -> Any:
+    """Emit the comparison of an object's own type with another; one bit.
+
+    Args:
+        obj: Pointer to the object.
+        symbol: Name of the type, from `symbol_of`.
+        builder: Numba's.
+    """
+    head = builder.bitcast(obj, ir.LiteralStructType(HEAD).as_pointer())
+    return builder.icmp_unsigned("==", field(builder, head, 1), address_of(symbol, builder))
+
+
+def address_of(symbol: str, builder: Any) -> Any:
+    """Emit the address of a type."""
+    known = builder.module.globals.get(symbol)
+    return known or cgutils.add_global_variable(builder.module, BYTE, symbol)
+
+
+def is_plain_array(kind: Borrowed, obj: Any, builder: Any) -> Any:
+    """Emit the checks that an object is an array as declared; one bit."""
+    verdict = cgutils.alloca_once_value(builder, cgutils.false_bit)
+    with builder.if_then(is_instance(obj, _NDARRAY, builder), likely=True):
+        builder.store(_is_as_declared(kind, obj, builder), verdict)
+    return builder.load(verdict)
+
+
+def address_of_data(builder: Any, obj: Any) -> Any:
+    """Emit the code that finds where an array, which has to be one, keeps its elements."""
+    return field(builder, builder.bitcast(obj, _ARRAY.as_pointer()), _DATA)
+
+
+def field(builder: Any, structure: Any, index: int) -> Any:
+    """Emit the reading of one field."""
     return builder.load(cgutils.gep_inbounds(builder, structure, 0, index))
 
 
-def _is_array(array: Any, builder: Any) -> Any:
-    known = builder.module.globals.get(_NDARRAY)
-    ndarray = known or cgutils.add_global_variable(builder.module, _BYTE, _NDARRAY)
-    return builder.icmp_unsigned("==", _field(builder, array, _TYPE), ndarray)
-
-
-def _is_as_declared(kind: Borrowed, array: Any, builder: Any) -> Any:
-    """Emit the checks; one bit."""
+def _is_as_declared(kind: Borrowed, obj: Any, builder: Any) -> Any:
+    array = builder.bitcast(obj, _ARRAY.as_pointer())
     number = np.dtype(str(kind.dtype)).num
     required = _C_CONTIGUOUS | _ALIGNED | (_WRITEABLE if kind.mutable else 0)
-    descriptor = builder.bitcast(_field(builder, array, _DTYPE), _DESCRIPTOR.as_pointer())
-    flags = builder.and_(_field(builder, array, _FLAGS), _INT(required))
-    order = _field(builder, descriptor, _BYTE_ORDER)
+    descriptor = builder.bitcast(field(builder, array, _DTYPE), _DESCRIPTOR.as_pointer())
+    flags = builder.and_(field(builder, array, _FLAGS), _INT(required))
+    order = field(builder, descriptor, _BYTE_ORDER)
     checks = (
-        builder.icmp_signed("==", _field(builder, array, _NDIM), _INT(kind.ndim)),
+        builder.icmp_signed("==", field(builder, array, _NDIM), _INT(kind.ndim)),
         builder.icmp_signed("==", flags, _INT(required)),
-        builder.icmp_signed("==", _field(builder, descriptor, _TYPE_NUMBER), _INT(number)),
-        builder.icmp_signed("!=", order, _BYTE(ord(_FOREIGN_ORDER))),
+        builder.icmp_signed("==", field(builder, descriptor, _TYPE_NUMBER), _INT(number)),
+        builder.icmp_signed("!=", order, BYTE(ord(_FOREIGN_ORDER))),
     )
     verdict = checks[0]
     for check in checks[1:]:
@@ -125,21 +158,27 @@ def _is_as_declared(kind: Borrowed, array: Any, builder: Any) -> Any:
     return verdict
 
 
-def _fill(kind: Borrowed, native: Any, array: Any, builder: Any) -> None:
-    """Emit the copy of pointer and shape; the strides follow from contiguity."""
-    itemsize = _SIZE(np.dtype(str(kind.dtype)).itemsize)
-    shape = _field(builder, array, _SHAPE)
+def fill(kind: Borrowed, native: Any, obj: Any, builder: Any) -> None:
+    """Emit the copy of an array's address and shape to Numba's structure."""
+    array = builder.bitcast(obj, _ARRAY.as_pointer())
+    shape = field(builder, array, _SHAPE)
     lengths = [builder.load(cgutils.gep(builder, shape, i)) for i in range(kind.ndim)]
+    put_array(kind, native, field(builder, array, _DATA), lengths, builder)
+
+
+def put_array(kind: Borrowed, native: Any, data: Any, lengths: list[Any], builder: Any) -> None:
+    """Emit Numba's structure of an array; the strides follow from contiguity."""
+    itemsize = SIZE(np.dtype(str(kind.dtype)).itemsize)
     strides = [itemsize]
     for length in lengths[:0:-1]:
         strides.insert(0, builder.mul(strides[0], length))
-    count = _SIZE(1)
+    count = SIZE(1)
     for length in lengths:
         count = builder.mul(count, length)
     native.meminfo = cgutils.get_null_value(native.meminfo.type)
     native.parent = cgutils.get_null_value(native.parent.type)
     native.nitems = count
     native.itemsize = itemsize
-    native.data = builder.bitcast(_field(builder, array, _DATA), native.data.type)
+    native.data = builder.bitcast(data, native.data.type)
     native.shape = cgutils.pack_array(builder, lengths)
     native.strides = cgutils.pack_array(builder, strides)

@@ -2,43 +2,57 @@
 
 from __future__ import annotations
 
-import functools
+import weakref
 from collections.abc import Callable
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import numpy as np
-from numba import types
 
 from .._arrays import Array, vector
 from ..dynamics import ArmModel
 from ..impedance import TargetFilter
+from ..pinocchio_dynamics import pinocchio_dynamics
 from ..telemetry import ControllerState
-from ..trajectories import Reference
-from . import rigid_body
-from ._jit import kernel
-from .dynamics import ARM, OWN_INTEGERS, OWN_MATRIX, OWN_VECTOR, SPACE, VECTOR_IN, CompiledDynamics
-from .law import FILTER, FULL, GIVEN, KNOWLEDGE, Law, Measured, Scratch
-from .limits import within_limits
-from .output import COLUMNS, PackedOutput, PackedState
+from .dynamics import CompiledDynamics
+from .entry import Fixed, Own, after_kernel, before_kernel, limit_kernel, whole_kernel
+from .held import hold
+from .law import EFFORT, FILTER, FULL, GIVEN, KNOWLEDGE, TORQUE_STEP, Law
+from .output import A_R, COLUMNS, NEXT_Q_E, NEXT_V_E, PackedState
 from .pack import scratch
-from .selection import Answer, Step
-from .tables import ArmTables, Workspace, coordinate_tables
-from .tick import (
-    DONE,
-    EXCEEDED,
-    REFUSED,
-    after_torque,
-    before_torque,
-    is_sound,
-    model_torque,
-)
+from .selection import Step
+from .tables import coordinate_tables, workspace
+
+
+class Bench:
+    """What one tick around Pinocchio's RNEA at a time works with besides its arguments.
+
+    Attributes:
+        rnea: Pinocchio's RNEA, on data of its own.
+        mass_matrix: Its CRBA.
+        scratch: What the kernels write to.
+        held: The same as they take it.
+
+    Args:
+        arm: The arm.
+    """
+
+    __slots__ = ("held", "mass_matrix", "rnea", "scratch")
+
+    def __init__(self, arm: ArmModel) -> None:
+        dynamics = pinocchio_dynamics(arm.unchecked.model)
+        self.rnea, self.mass_matrix = dynamics.rnea, dynamics.mass_matrix
+        self.scratch = scratch(arm.nv)
+        self.held = hold(self.scratch)
+
+
+_BENCHES: weakref.WeakKeyDictionary[ArmModel, list[Bench]] = weakref.WeakKeyDictionary()
 
 
 class Tick:
-    """What the two ways have in common. Each instance owns its work space; two threads must not share one.
+    """What the two ways have in common. Threads may share one.
 
     Attributes:
-        step: The tick, one closure without a lookup in it: it is shorter than what Python spends on attributes.
+        step: The tick, and what it takes as its first argument.
 
     Args:
         arm: The controller's arm.
@@ -46,83 +60,100 @@ class Tick:
         impedance_filter: Its filter; called where the law has no table for it.
     """
 
-    step: Step
-
     def __init__(self, arm: ArmModel, law: Law, impedance_filter: TargetFilter) -> None:
         self._arguments = arm, law, impedance_filter
         self.arm, self.law, self.filter = arm, law, impedance_filter
-        self.scratch = scratch(arm.nv)
-        self.shape = (arm.nv, COLUMNS)
-        self.kernels = kernels()
-        is_given = law.choices[0, FILTER] == GIVEN
-        self.step = self._with_given_filter(self._step()) if is_given else self._step()
+        self.step = self.ticker(np.empty(0))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), self._arguments
 
     def init(self) -> ControllerState:
         """Return the state before the first tick."""
-        return cast("ControllerState", PackedState.of(np.zeros(self.shape)))
+        return self.state(np.zeros((self.arm.nv, COLUMNS)))
 
-    def pack(self, state: ControllerState) -> PackedState:
-        """Return a state of separate arrays in a block."""
-        return PackedState.pack(state)
+    def pack(self, state: ControllerState) -> ControllerState:
+        """Return a state in the form that `step` takes."""
+        given: Any = state
+        packed = given if type(given) is PackedState else PackedState.pack(state)
+        return cast("ControllerState", packed)
 
-    def _step(self) -> Step:
+    def block(self, state: ControllerState) -> Array:
+        """Return a state in the form that a `ticker` takes, and writes to."""
+        packed: Any = self.pack(state)
+        return np.array(packed.rows)
+
+    def state(self, block: Array) -> ControllerState:
+        """Return the state that is in such a block."""
+        return cast("ControllerState", PackedState(block))
+
+    def ticker(self, tau: Array) -> tuple[Step, Any]:
+        """Return the tick that writes its torque to tau and the next state over the block of the one before.
+
+        Args:
+            tau: Where the torque goes, shape (nv,). If it is empty, output and state are new objects.
+
+        Returns:
+            The tick, and what it takes as its first argument: a kernel has no place of its own to keep things.
+        """
         raise NotImplementedError
 
-    def _with_given_filter(self, step: Step) -> Step:
-        table, given = self.law.filter, self.filter
+    def is_filter_given(self) -> bool:
+        """Whether the law has no table for the filter."""
+        return bool(self.law.choices[0, FILTER] == GIVEN)
 
-        def filtered(
-            state: ControllerState, q: Array, v: Array, reference: Reference, tau_ext: Array
-        ) -> Answer:
-            torque = vector("tau_ext", tau_ext, self.arm.nv)
-            table[0] = given.acceleration(state.q_e, state.v_e, torque)
-            table[1:] = given.advance(state.q_e, state.v_e, torque)
-            return step(state, q, v, reference, tau_ext)
+    def put_filtered(self, state: Any, tau_ext: Array, block: Array) -> None:
+        """Write the share of a filter that has no table.
 
-        return filtered
+        Raises:
+            TypeError: The state is of another form.
+        """
+        before = state if type(state) is np.ndarray else getattr(state, "rows", None)
+        if before is None:
+            raise TypeError("not the state of a compiled tick")
+        q_e, v_e = before[:, NEXT_Q_E], before[:, NEXT_V_E]
+        torque = vector("tau_ext", tau_ext, self.arm.nv)
+        block[:, A_R] = self.filter.acceleration(q_e, v_e, torque)
+        block[:, NEXT_Q_E], block[:, NEXT_V_E] = self.filter.advance(q_e, v_e, torque)
 
 
 class FusedTick(Tick):
     """A tick whose elementwise part is one kernel before Pinocchio's RNEA and one after it; see `Tick`."""
 
-    def _step(self) -> Step:
-        law, work, shape, pack = self.law, self.scratch, self.shape, self.pack
-        tables = coordinate_tables(self.arm)
-        before, after, limit, _ = self.kernels
-        torque_for, mass_matrix = self._model(), self.arm.unchecked.mass_matrix
-        command, empty = work.command, np.empty
+    def ticker(self, tau: Array) -> tuple[Step, Any]:
+        """See `Tick`."""
+        arm, benches = self.arm, _BENCHES.setdefault(self.arm, [])
+        fixed = hold(Fixed(coordinate_tables(arm), self.law))
+        before, after, limit = before_kernel(), after_kernel(), self._limit_kernel()
+        knows_all = self.law.choices[0, KNOWLEDGE] == FULL
+        put_filtered = self.put_filtered if self.is_filter_given() else None
 
-        def step(state: Any, q: Array, v: Array, reference: Reference, tau_ext: Array) -> Any:
-            if type(state) is not PackedState:
-                state = pack(state)
-            q_d, v_d, a_d = reference
-            block = empty(shape)
-            if before(tables, law, work, state.block, (q, v, q_d, v_d, a_d, tau_ext), block):
-                return None
-            if after(tables, law, torque_for(q, v, command), v, tau_ext, block):
-                work.mass[:] = mass_matrix(q)
-                limit(law, work, state.block, block)
-            output, following = PackedOutput(), PackedState()
-            output.block = following.block = block
-            return output, following
+        def tick(tau: Array, state: Any, q: Array, v: Array, reference: Any, tau_ext: Array) -> Any:
+            try:  # in the end there is one for each thread that needed one at once
+                bench = benches.pop()
+            except IndexError:
+                bench = Bench(arm)
+            held, work = bench.held, bench.scratch
+            try:
+                if put_filtered is not None:
+                    put_filtered(state, tau_ext, work.block)
+                if before(fixed, held, state, q, v, reference, tau_ext):
+                    return None
+                a = work.command
+                torque = bench.rnea(q, v, a) if knows_all else bench.mass_matrix(q) @ a
+                answer = after(fixed, held, tau, state, torque, v, tau_ext)
+                if answer is None:  # beyond a limit
+                    work.mass[:] = bench.mass_matrix(q)
+                    answer = limit(fixed, held, tau, state)
+                return answer
+            finally:
+                benches.append(bench)
 
-        return step
+        return tick, tau
 
-    def _model(self) -> Callable[[Array, Array, Array], Array]:
-        if self.law.choices[0, KNOWLEDGE] == FULL:
-            rnea: Callable[[Array, Array, Array], Array] = self.arm.unchecked.rnea
-            return rnea
-        mass_matrix = self.arm.unchecked.mass_matrix
-
-        def inertial(q: Array, v: Array, a: Array) -> Array:
-            del v
-            torque: Array = mass_matrix(q) @ a
-            return torque
-
-        return inertial
+    def _limit_kernel(self) -> Callable[..., Any]:
+        is_limited = np.isfinite(self.law.gains[:, [EFFORT, TORQUE_STEP]]).any()
+        return limit_kernel() if is_limited else after_kernel()
 
 
 class CompiledTick(Tick):
@@ -133,88 +164,23 @@ class CompiledTick(Tick):
         ModelError: The compiled dynamics of the arm are not Pinocchio's.
     """
 
-    def _step(self) -> Step:
-        law, work, shape, pack = self.law, self.scratch, self.shape, self.pack
-        dynamics = CompiledDynamics(self.arm)
-        tables, space = dynamics.tables, dynamics.space
-        whole, empty = self.kernels.whole, np.empty
+    def ticker(self, tau: Array) -> tuple[Step, Any]:
+        """See `Tick`."""
+        nv, tables = self.arm.nv, CompiledDynamics(self.arm).tables
+        whole, free = whole_kernel(), list[Any]()
 
-        def step(state: Any, q: Array, v: Array, reference: Reference, tau_ext: Array) -> Any:
-            if type(state) is not PackedState:
-                state = pack(state)
-            q_d, v_d, a_d = reference
-            block = empty(shape)
-            if whole(tables, space, law, work, state.block, (q, v, q_d, v_d, a_d, tau_ext), block):
-                return None
-            output, following = PackedOutput(), PackedState()
-            output.block = following.block = block
-            return output, following
+        def own() -> Any:
+            return hold(Own(tables, self.law, workspace(nv), scratch(nv), tau))
 
-        return step
+        def tick(_: Any, state: Any, q: Array, v: Array, reference: Any, tau_ext: Array) -> Any:
+            try:
+                held = free.pop()
+            except IndexError:
+                held = own()
+            try:
+                self.put_filtered(state, tau_ext, held.tables.scratch.block)
+                return whole(held, state, q, v, reference, tau_ext)
+            finally:
+                free.append(held)
 
-
-class Kernels(NamedTuple):
-    """Compiled entry points of a tick."""
-
-    before: Callable[..., Any]
-    after: Callable[..., Any]
-    limit: Callable[..., Any]
-    whole: Callable[..., Any]
-
-
-LAW = types.NamedTuple((OWN_MATRIX, OWN_MATRIX, OWN_INTEGERS), Law)
-SCRATCH = types.NamedTuple((*[OWN_VECTOR] * 6, *[OWN_MATRIX] * 2), Scratch)
-GIVEN_VECTORS = types.UniTuple(VECTOR_IN, 6)
-
-
-@functools.cache
-def kernels() -> Kernels:
-    """Compile the entry points, or load them from the disk."""
-    return Kernels(
-        kernel(_before, (ARM, LAW, SCRATCH, OWN_MATRIX, GIVEN_VECTORS, OWN_MATRIX)),
-        kernel(_after, (ARM, LAW, VECTOR_IN, VECTOR_IN, VECTOR_IN, OWN_MATRIX)),
-        kernel(_limit, (LAW, SCRATCH, OWN_MATRIX, OWN_MATRIX)),
-        kernel(_whole, (ARM, SPACE, LAW, SCRATCH, OWN_MATRIX, GIVEN_VECTORS, OWN_MATRIX)),
-    )
-
-
-Vectors = tuple[Array, Array, Array, Array, Array, Array]
-
-
-def _before(
-    arm: ArmTables, law: Law, work: Scratch, state: Array, given: Vectors, block: Array
-) -> int:
-    measured = Measured(*given)
-    if state.shape != block.shape or not is_sound(arm, measured):
-        return REFUSED
-    before_torque(arm, law, work, state, measured, block)
-    return DONE
-
-
-def _after(arm: ArmTables, law: Law, torque: Array, v: Array, tau_ext: Array, block: Array) -> int:
-    return after_torque(arm, law, torque, v, tau_ext, block)
-
-
-def _limit(law: Law, work: Scratch, state: Array, block: Array) -> int:
-    within_limits(law, work, state, block)
-    return DONE
-
-
-def _whole(
-    arm: ArmTables,
-    space: Workspace,
-    law: Law,
-    work: Scratch,
-    state: Array,
-    given: Vectors,
-    block: Array,
-) -> int:
-    measured = Measured(*given)
-    if state.shape != block.shape or not is_sound(arm, measured):
-        return REFUSED
-    before_torque(arm, law, work, state, measured, block)
-    model_torque(arm, space, law, work, measured)
-    if after_torque(arm, law, work.torque, measured.v, measured.tau_ext, block) == EXCEEDED:
-        rigid_body.mass_matrix(arm, space, work.mass)
-        within_limits(law, work, state, block)
-    return DONE
+        return (tick, None) if self.is_filter_given() else (whole, own())

@@ -22,7 +22,8 @@ from .tables import ArmTables, Workspace, arm_tables, workspace
 AGREEMENT = 1e-12
 """Largest difference to Pinocchio's result, relative to the largest entry of it, with which an arm is served."""
 
-_STATES = 20
+STATES = 20
+"""Random states at which that is looked at."""
 
 VECTOR_IN = Borrowed(types.float64, 1, readonly=True)
 """Type of a vector from outside: checked."""
@@ -52,19 +53,20 @@ class CompiledDynamics:
 
     Args:
         arm: The arm.
+        states: Number of random states at which it is compared.
 
     Raises:
         UnsupportedJointError: A joint that the tables cannot carry (mimic, screw).
         ModelError: At one of some random states the results are not Pinocchio's.
     """
 
-    def __init__(self, arm: ArmModel) -> None:
+    def __init__(self, arm: ArmModel, states: int = STATES) -> None:
         known = _AGREED.get(arm)
         self.tables = arm_tables(arm) if known is None else known
         self.space = workspace(arm.nv)
         self._kernels = kernels()
         if known is None:
-            self._check(arm)
+            self._check(arm, states)
             _AGREED[arm] = self.tables
 
     def inverse_dynamics(self, q: Array, v: Array, a: Array) -> Array:
@@ -85,9 +87,9 @@ class CompiledDynamics:
         self._kernels.mass_matrix(self.tables, self.space, q, M)
         return M
 
-    def _check(self, arm: ArmModel) -> None:
+    def _check(self, arm: ArmModel, states: int) -> None:
         rng, judge = np.random.default_rng(1), arm.unchecked
-        for _ in range(_STATES):
+        for _ in range(states):
             q = arm.random_configuration(rng)
             v, a, tau = rng.normal(size=(3, arm.nv))
             pairs = {

@@ -17,8 +17,13 @@ from ._jit import inline
 
 # Columns of `Law.gains`, one row a joint.
 DT, GAMMA, EXPONENT, RATE, SMOOTHING, INNER_SLOPE, INNER_CURVE, BETA = 0, 1, 2, 3, 4, 5, 6, 7
-K1, K2, MARGIN, EFFORT = 8, 9, 10, 11
-GAINS = 12
+K1, K2, MARGIN = 8, 9, 10
+EFFORT, TORQUE_STEP, SEEN = (
+    11,
+    12,
+    13,
+)  # largest torque, change of it in a period, and error; infinite where there is none
+GAINS = 14
 
 # Entries of `Law.choices`.
 SURFACE, SCHEME, FILTER, KNOWLEDGE = 0, 1, 2, 3
@@ -34,7 +39,7 @@ class Law(NamedTuple):
     Attributes:
         gains: One row a joint, shape (nv, `GAINS`).
         filter: What takes (q_e, v_e, tau_ext) to a_e and the next q_e, v_e. Decoupled: nine numbers a joint, shape
-            (nv, 9). Coupled: shape (3·nv, 3·nv). Given: those three themselves, written before each tick, (3, nv).
+            (nv, 9). Coupled: a column for each result, (3·nv, 3·nv). Given: not used, the block has them already.
         choices: Surface, scheme, filter and knowledge, shape (1, 4).
     """
 
@@ -75,6 +80,8 @@ class Scratch(NamedTuple):
         held: Whether the joint is held at its limit, 1 or 0, shape (nv,).
         mass: M(q), shape (nv, nv).
         factor: Its Cholesky factor over the joints at their limits, shape (nv, nv).
+        block: Output and next state of the tick, shape (nv, columns of `output`).
+        filtered: a_e, next q_e and next v_e of a filter that couples the joints, shape (3·nv,).
     """
 
     command: Array
@@ -85,6 +92,8 @@ class Scratch(NamedTuple):
     held: Array
     mass: Array
     factor: Array
+    block: Array
+    filtered: Array
 
 
 @inline
@@ -121,7 +130,17 @@ def angle_between(cos0: float, sin0: float, cos1: float, sin1: float) -> float:
 
 @inline
 def surface(law: Law, j: int, e1: float, e2: float) -> tuple[float, float, float]:
-    """S, feed-forward and hold gain of joint j (paper, eqs. 6 to 8)."""
+    """S, feed-forward and hold gain of joint j (paper, eqs. 6 to 8); see `BoundedSurface` for the bound."""
+    bound = law.gains[j, SEEN]
+    seen = min(max(e1, -bound), bound)
+    s, feedforward, gain = _unbounded_surface(law, j, seen, e2)
+    if seen != e1:
+        return s, 0.0, 1.0
+    return s, feedforward, gain
+
+
+@inline
+def _unbounded_surface(law: Law, j: int, e1: float, e2: float) -> tuple[float, float, float]:
     gains, kind = law.gains, law.choices[0, SURFACE]
     if kind == POWER:
         return _power_surface(gains, j, e1, e2)

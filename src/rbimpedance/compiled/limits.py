@@ -1,4 +1,4 @@
-"""Torque limits: the closest torque within them, and the integrals at rest; see `limits` and `super_twisting`."""
+"""Limits of the torque: the closest one within them, and the integrals at rest; see `limits` and `super_twisting`."""
 
 from __future__ import annotations
 
@@ -6,8 +6,21 @@ import math
 
 from .._arrays import Array
 from ._jit import inline, routine
-from .law import DT, EFFORT, IMPLICIT, K2, SCHEME, Law, Scratch
-from .output import FLAGS, GUARANTEED, NEXT_X, NEXT_Z, PAIR, SATURATED, TAU, TICKS, U
+from .law import DT, EFFORT, IMPLICIT, K2, SCHEME, TORQUE_STEP, Law, Scratch
+from .output import (
+    CLIPPED,
+    FLAGS,
+    GUARANTEED,
+    NEXT_X,
+    NEXT_Z,
+    PAIR,
+    RATE_LIMITED,
+    SATURATED,
+    TAU,
+    TICKS,
+    U,
+    Z,
+)
 
 
 @routine
@@ -21,11 +34,10 @@ def within_limits(law: Law, scratch: Scratch, state: Array, block: Array) -> Non
         block: Block of this tick, with the torque that the law asks for.
     """
     n, gains, lacking = len(scratch.wanted), law.gains, scratch.lacking
-    _allocate(law, scratch, block)
+    _allocate(law, scratch, state, block)
     for j in range(n):
         missing = scratch.hold_gain[j] * lacking[j]
-        z = 0.0 if state[0, TICKS] == 0.0 else state[j, NEXT_Z]
-        z_next = block[j, NEXT_Z]
+        z, z_next = block[j, Z], block[j, NEXT_Z]
         if (z_next - z) * missing > 0.0:
             block[j, NEXT_Z] = z
         if law.choices[0, SCHEME] == IMPLICIT:
@@ -33,18 +45,36 @@ def within_limits(law: Law, scratch: Scratch, state: Array, block: Array) -> Non
                 missing - gains[j, K2] * (z_next - block[j, NEXT_Z])
             )
         block[j, U] -= missing
-        put_flags(block, j, abs(block[j, TAU]) >= gains[j, EFFORT], missing == 0.0)
+        put_flags(law, j, state, block, missing == 0.0)
 
 
 @inline
-def put_flags(block: Array, j: int, saturated: bool, guaranteed: bool) -> None:
-    """Write whether joint j is at its limit, and whether its reaching law acts in full."""
-    flags = PAIR if block[j, FLAGS] >= PAIR else 0
-    block[j, FLAGS] = flags + (SATURATED if saturated else 0) + (GUARANTEED if guaranteed else 0)
+def bounds(law: Law, j: int, state: Array) -> tuple[float, float]:
+    """Least and largest torque of joint j at this tick."""
+    effort, step = law.gains[j, EFFORT], law.gains[j, TORQUE_STEP]
+    if state[0, TICKS] == 0.0:
+        return -effort, effort
+    before = state[j, TAU]
+    return min(max(before - step, -effort), effort), min(max(before + step, -effort), effort)
 
 
 @inline
-def _allocate(law: Law, scratch: Scratch, block: Array) -> None:
+def put_flags(law: Law, j: int, state: Array, block: Array, guaranteed: bool) -> None:
+    """Write which limits joint j is at, and whether its reaching law acts in full; the other flags stay."""
+    tau = block[j, TAU]
+    lower, upper = bounds(law, j, state)
+    flags = int(block[j, FLAGS]) & (PAIR | CLIPPED)
+    if abs(tau) >= law.gains[j, EFFORT]:
+        flags |= SATURATED
+    elif tau <= lower or tau >= upper:
+        flags |= RATE_LIMITED
+    if guaranteed:
+        flags |= GUARANTEED
+    block[j, FLAGS] = flags
+
+
+@inline
+def _allocate(law: Law, scratch: Scratch, state: Array, block: Array) -> None:
     """Torque within the limits, and the acceleration that it lacks."""
     wanted, lacking, held, M = scratch.wanted, scratch.lacking, scratch.held, scratch.mass
     n, exceeds = len(wanted), True
@@ -52,10 +82,10 @@ def _allocate(law: Law, scratch: Scratch, block: Array) -> None:
         wanted[j], lacking[j], held[j] = block[j, TAU], 0.0, 0.0
     while exceeds:
         for j in range(n):
-            limit = law.gains[j, EFFORT]
-            if abs(block[j, TAU]) > limit:
+            lower, upper = bounds(law, j, state)
+            if block[j, TAU] < lower or block[j, TAU] > upper:
                 held[j] = 1.0
-                block[j, TAU] = math.copysign(limit, block[j, TAU])
+                block[j, TAU] = min(max(block[j, TAU], lower), upper)
         _solve_held(scratch, block)
         exceeds = False
         for i in range(n):
@@ -64,7 +94,8 @@ def _allocate(law: Law, scratch: Scratch, block: Array) -> None:
                 for j in range(n):
                     tau -= M[i, j] * lacking[j]
                 block[i, TAU] = tau
-                if abs(tau) > law.gains[i, EFFORT]:
+                lower, upper = bounds(law, i, state)
+                if tau < lower or tau > upper:
                     exceeds = True
 
 

@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 
 from .._arrays import Array
+from ..bounded_surface import BoundedSurface
 from ..impedance import ImpedanceFilter, TargetFilter
 from ..limits import Limits
 from ..super_twisting import SuperTwisting
 from ..surfaces import FastTerminalSurface, NonsingularTerminalSurface, PowerSurface, Surface
 from . import law as at
 from .law import Law, Scratch
+from .output import COLUMNS
 
 _SURFACES: dict[type, tuple[int, dict[int, str]]] = {
     PowerSurface: (at.POWER, {at.GAMMA: "gamma", at.EXPONENT: "exponent"}),
@@ -35,7 +37,7 @@ _SCHEMES = {"explicit": at.EXPLICIT, "matched": at.MATCHED, "implicit": at.IMPLI
 
 def can_pack(surface: Surface, reaching: Any) -> bool:
     """Whether the compiled law knows this surface and this reaching law; others stay with their own NumPy form."""
-    return type(surface) in _SURFACES and type(reaching) is SuperTwisting
+    return type(_within_bound(surface)) in _SURFACES and type(reaching) is SuperTwisting
 
 
 def pack_law(
@@ -55,10 +57,14 @@ def pack_law(
         impedance_filter: Filter of the target impedance.
         surface: One that `can_pack` knows.
         reaching: One that `can_pack` knows.
-        limits: Torque limits, or None.
+        limits: Limits of the torque, or None.
         knowledge: "full" or "mass".
     """
     gains = np.zeros((nv, at.GAINS))
+    gains[:, [at.EFFORT, at.TORQUE_STEP, at.SEEN]] = np.inf
+    if isinstance(surface, BoundedSurface):
+        gains[:, at.SEEN] = surface.error
+    surface = _within_bound(surface)
     kind, names = _SURFACES[type(surface)]
     for column, name in names.items():
         gains[:, column] = getattr(surface, name)
@@ -69,7 +75,8 @@ def pack_law(
     gains[:, at.DT] = dt
     gains[:, at.K1], gains[:, at.K2] = reaching.k1, reaching.k2
     gains[:, at.MARGIN] = reaching.margin
-    gains[:, at.EFFORT] = np.inf if limits is None else limits.effort
+    if limits is not None:
+        gains[:, at.EFFORT], gains[:, at.TORQUE_STEP] = limits.effort, limits.rate * dt
     form, table = _pack_filter(impedance_filter, nv)
     knows = at.FULL if knowledge == "full" else at.MASS_ONLY
     choices = np.array([[kind, _SCHEMES[reaching.scheme], form, knows]])
@@ -78,14 +85,22 @@ def pack_law(
 
 def scratch(nv: int) -> Scratch:
     """Return what a tick of nv joints writes besides its output."""
-    return Scratch(*np.zeros((6, nv)), *np.zeros((2, nv, nv)))
+    command, torque, hold_gain, wanted, lacking, held = np.zeros((6, nv))
+    mass, factor = np.zeros((2, nv, nv))
+    block, filtered = np.zeros((nv, COLUMNS)), np.zeros(3 * nv)
+    vectors = command, torque, hold_gain, wanted, lacking, held
+    return Scratch(*vectors, mass, factor, block, filtered)
+
+
+def _within_bound(surface: Surface) -> Surface:
+    return surface.surface if type(surface) is BoundedSurface else surface
 
 
 def _pack_filter(impedance_filter: TargetFilter, nv: int) -> tuple[int, Array]:
     if type(impedance_filter) is not ImpedanceFilter:
-        return at.GIVEN, np.zeros((3, nv))
+        return at.GIVEN, np.zeros((0, 0))
     maps = impedance_filter.maps().reshape(3, nv, 3, nv)
     diagonal = np.einsum("ijkj->jik", maps)
     if np.count_nonzero(maps) == np.count_nonzero(diagonal):
         return at.DECOUPLED, np.ascontiguousarray(diagonal.reshape(nv, 9))
-    return at.COUPLED, np.ascontiguousarray(maps.reshape(3 * nv, 3 * nv))
+    return at.COUPLED, np.ascontiguousarray(maps.reshape(3 * nv, 3 * nv).T)

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 
 from .._arrays import Array
-from ..dynamics import COULOMB_SMOOTHING
+from ..pinocchio_dynamics import COULOMB_SMOOTHING
 from ._jit import fused, routine
 from .rows import (
     get_inertia,
@@ -41,7 +41,7 @@ from .spatial import (
     congruence,
     cross,
     cross_force,
-    cross_motion,
+    dot,
     power,
     product,
     rigid_inertia,
@@ -183,24 +183,33 @@ def forward_dynamics(arm: ArmTables, space: Workspace, v: Array, tau: Array, a: 
     joints, topology, work = arm.joints, arm.topology, space.rows
     n = len(joints)
     for j in range(n):  # v = v_parent + S·q̇,  c = v × S·q̇,  p = v ×* I·v
-        parent = topology[j, PARENT]
+        parent, slides = topology[j, PARENT], topology[j, KIND] == PRISMATIC
         S, inertia = _subspace_and_inertia(arm, space, j)
-        v_joint = scale_pair(v[j], S)
-        velocity = v_joint
-        bias = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        none = (0.0, 0.0, 0.0)
+        velocity, bias = scale_pair(v[j], S), (none, none)
         if parent >= 0:
-            r = get_vector(work, j, _ORIGIN)
-            velocity = add_pair(shift_motion(get_pair(work, parent, _VELOCITY), r), v_joint)
-            bias = cross_motion(velocity, v_joint)
+            before = get_pair(work, parent, _VELOCITY)
+            before = shift_motion(before, get_vector(work, j, _ORIGIN))
+            if slides:
+                step = scale(v[j], S[1])
+                velocity, bias = (before[0], add(before[1], step)), (none, cross(before[0], step))
+            else:
+                step = scale(v[j], S[0])
+                velocity = add(before[0], step), before[1]
+                bias = cross(before[0], step), cross(before[1], step)
         put_pair(work, j, _VELOCITY, velocity)
         put_pair(work, j, _BIAS, bias)
         put_pair(work, j, _BIAS_FORCE, cross_force(velocity, rigid_momentum(inertia, velocity)))
     for j in range(n - 1, -1, -1):
         parent, S = topology[j, PARENT], get_pair(work, j, _SUBSPACE)
         inertia, p = get_inertia(work, j, _INERTIA), get_pair(work, j, _BIAS_FORCE)
-        U = apply(inertia, S)  # U = Iᴬ·S,  D = Sᵀ·U,  u = τ - Sᵀ·pᴬ
-        d_inverse = 1.0 / (power(S, U) + joints[j, ARMATURE])
-        residual = tau[j] - power(S, p)
+        if topology[j, KIND] == PRISMATIC:  # U = Iᴬ·S,  D = Sᵀ·U,  u = τ - Sᵀ·pᴬ
+            U = rotate(inertia[1], S[1]), transform(inertia[2], S[1])
+            D, residual = dot(S[1], U[1]), tau[j] - dot(S[1], p[1])
+        else:
+            U = transform(inertia[0], S[0]), unrotate(inertia[1], S[0])
+            D, residual = dot(S[0], U[0]), tau[j] - dot(S[0], p[0])
+        d_inverse = 1.0 / (D + joints[j, ARMATURE])
         put_pair(work, j, _U, U)
         work[j, _D_INVERSE], work[j, _RESIDUAL] = d_inverse, residual
         if parent >= 0:  # Iᵃ = Iᴬ - U·D⁻¹·Uᵀ,  pᵃ = pᴬ + Iᵃ·c + U·D⁻¹·u

@@ -8,10 +8,10 @@ from ._jit import inline, routine
 from .law import (
     COUPLED,
     DECOUPLED,
-    EFFORT,
     FILTER,
     FULL,
     KNOWLEDGE,
+    SEEN,
     Law,
     Measured,
     Scratch,
@@ -20,9 +20,10 @@ from .law import (
     reaching,
     surface,
 )
-from .limits import put_flags
+from .limits import bounds, put_flags
 from .output import (
     A_R,
+    CLIPPED,
     E1,
     E2,
     FLAGS,
@@ -36,11 +37,13 @@ from .output import (
     Q_R,
     Q_R_SIN,
     TAU,
+    TAU_EXT,
     TICKS,
     V_E,
     V_R,
     S,
     U,
+    Z,
 )
 from .rigid_body import friction, place_joints
 from .tables import CONTINUOUS, KIND, Q_INDEX, ArmTables, Workspace
@@ -90,14 +93,16 @@ def before_torque(
         scratch: Where the command and the hold gain go.
         state: Block of the tick before.
         given: Sound measurements.
-        block: Block of this tick.
+        block: Block of this tick; with a filter that is given, it holds a_e and the next q_e and v_e.
     """
     q, v, q_d, v_d, a_d, tau_ext = given
     command, hold_gain = scratch.command, scratch.hold_gain
     starts = state[0, TICKS] == 0.0
+    if law.choices[0, FILTER] == COUPLED:
+        _couple(law, state, tau_ext, scratch.filtered)
     for j in range(len(v)):
         q_e, v_e, z = state[j, NEXT_Q_E], state[j, NEXT_V_E], state[j, NEXT_Z]
-        a_e, q_e_next, v_e_next = _filter(law, state, tau_ext, j)  # eq. (3)
+        a_e, q_e_next, v_e_next = _filter(law, scratch, j, state, tau_ext, block)  # eq. (3)
         e1 = _track(arm, j, q, q_d, q_e, block)  # eq. (4)
         v_r, a_r = v_d[j] + v_e, a_d[j] + a_e
         e2 = v_r - v[j]
@@ -111,12 +116,14 @@ def before_torque(
         block[j, S], block[j, U], block[j, Q_E], block[j, V_E] = s, u, q_e, v_e
         block[j, NEXT_Q_E], block[j, NEXT_V_E] = q_e_next, v_e_next
         block[j, NEXT_Z], block[j, NEXT_X], block[j, NEXT_A] = z_next, x_next, a_next
-        block[j, TICKS] = state[0, TICKS] + 1.0
+        block[j, TICKS], block[j, Z], block[j, TAU_EXT] = state[0, TICKS] + 1.0, z, tau_ext[j]
+        if abs(e1) > law.gains[j, SEEN]:
+            block[j, FLAGS] += CLIPPED
 
 
 @routine
 def after_torque(
-    arm: ArmTables, law: Law, torque: Array, v: Array, tau_ext: Array, block: Array
+    arm: ArmTables, law: Law, torque: Array, v: Array, tau_ext: Array, state: Array, block: Array
 ) -> int:
     """Write the motor torque from the model's; `EXCEEDED` where a limit asks for `within_limits`.
 
@@ -126,6 +133,7 @@ def after_torque(
         torque: Torque of the model, without friction.
         v: Velocity.
         tau_ext: Torque of the environment.
+        state: Block of the tick before.
         block: Block of this tick.
     """
     status = DONE
@@ -134,11 +142,11 @@ def after_torque(
         if law.choices[0, KNOWLEDGE] == FULL:
             tau += friction(arm.joints, j, v[j])
         tau -= tau_ext[j]
-        size, limit = abs(tau), law.gains[j, EFFORT]
-        if size > limit:
+        lower, upper = bounds(law, j, state)
+        if tau < lower or tau > upper:
             status = EXCEEDED
         block[j, TAU] = tau
-        put_flags(block, j, size >= limit, True)
+        put_flags(law, j, state, block, True)
     return status
 
 
@@ -161,7 +169,9 @@ def model_torque(
 
 
 @inline
-def _filter(law: Law, state: Array, tau_ext: Array, j: int) -> tuple[float, float, float]:
+def _filter(
+    law: Law, scratch: Scratch, j: int, state: Array, tau_ext: Array, block: Array
+) -> tuple[float, float, float]:
     """a_e, and the next q_e and v_e, of joint j (paper, eq. 3)."""
     F, kind, n = law.filter, law.choices[0, FILTER], len(tau_ext)
     if kind == DECOUPLED:
@@ -172,22 +182,25 @@ def _filter(law: Law, state: Array, tau_ext: Array, j: int) -> tuple[float, floa
             F[j, 6] * x + F[j, 7] * v + F[j, 8] * t,
         )
     if kind == COUPLED:
-        return (
-            _coupled(F, j, state, tau_ext),
-            _coupled(F, n + j, state, tau_ext),
-            _coupled(F, 2 * n + j, state, tau_ext),
-        )
-    return F[0, j], F[1, j], F[2, j]
+        return scratch.filtered[j], scratch.filtered[n + j], scratch.filtered[2 * n + j]
+    return block[j, A_R], block[j, NEXT_Q_E], block[j, NEXT_V_E]
 
 
 @inline
-def _coupled(F: Array, i: int, state: Array, tau_ext: Array) -> float:
-    total, n = 0.0, len(tau_ext)
+def _couple(law: Law, state: Array, tau_ext: Array, filtered: Array) -> None:
+    """Write a_e, and the next q_e and v_e, of all joints: column by column, in long loops."""
+    n = len(tau_ext)
+    filtered[:] = 0.0
     for k in range(n):
-        total += F[i, k] * state[k, NEXT_Q_E]
-        total += F[i, n + k] * state[k, NEXT_V_E]
-        total += F[i, 2 * n + k] * tau_ext[k]
-    return total
+        _add_column(law.filter, k, state[k, NEXT_Q_E], filtered)
+        _add_column(law.filter, n + k, state[k, NEXT_V_E], filtered)
+        _add_column(law.filter, 2 * n + k, tau_ext[k], filtered)
+
+
+@inline
+def _add_column(F: Array, k: int, factor: float, total: Array) -> None:
+    for i in range(len(total)):
+        total[i] += F[k, i] * factor
 
 
 @inline
