@@ -21,8 +21,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import schur
-from scipy.optimize import minimize_scalar
 
 from ._arrays import Array
 
@@ -173,6 +171,8 @@ def _riccati(law: Law, epsilon: float) -> Shape | None:
     AᵀX + XA + εX + CᵀC + ρ²·X·B·BᵀX = 0. An ordered Schur form of the Hamiltonian matrix solves it
     (Laub 1979).
     """
+    from scipy.linalg import schur  # noqa: PLC0415 (SciPy is loaded when needed)
+
     shifted = np.array([[epsilon / 2.0 - 2.0 * law.zeta, 1.0], [-1.0, epsilon / 2.0]])
     BBt, CtC = np.diag([0.0, law.rho**2]), np.diag([1.0, 0.0])
     try:
@@ -237,6 +237,8 @@ def _minimum(
     function: Callable[[float], float], low: float, high: float, tolerance: float = _TOLERANCE
 ) -> tuple[float, float]:
     """Argument and value of the minimum between two bounds."""
+    from scipy.optimize import minimize_scalar  # noqa: PLC0415 (SciPy is loaded when needed)
+
     best = minimize_scalar(
         function,
         bounds=(low, high),

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from ._arrays import Array, per_joint, positive, positive_number
 from ._frozen import set_fields
-from ._homogeneous import HomogeneousFilter
 from .exceptions import GainError
 from .impedance import ImpedanceFilter, ImpedanceMatrices, TargetFilter, check_damping
 
@@ -98,6 +97,8 @@ class FiniteTimeImpedance:
         d = per_joint("damping", self._damping(m, k), nv)
         if self.exponent == 1.0:
             return ImpedanceFilter(ImpedanceMatrices(np.diag(m), np.diag(d), np.diag(k)), dt)
+        from ._homogeneous import HomogeneousFilter  # noqa: PLC0415 (SciPy's solvers, loaded when needed)
+
         return HomogeneousFilter(m, d, k, self.exponent, dt)
 
     def _damping(self, m: Array, k: Array) -> Array:

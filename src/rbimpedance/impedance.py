@@ -11,7 +11,6 @@ from typing import NamedTuple, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import eigh, expm
 
 from ._arrays import Array
 from ._frozen import set_fields
@@ -118,6 +117,8 @@ class Impedance:
         K_d = _matrix("stiffness", self.stiffness, nv)
         if self.damping is not None:
             return ImpedanceMatrices(M_d, _matrix("damping", self.damping, nv), K_d)
+        from scipy.linalg import eigh  # noqa: PLC0415 (SciPy is loaded when needed)
+
         zeta = cast("float", self.damping_ratio)
         omega_squared, modes = eigh(K_d, M_d)
         M_modes = M_d @ modes
@@ -148,6 +149,8 @@ class ImpedanceFilter:
     """
 
     def __init__(self, matrices: ImpedanceMatrices, dt: float) -> None:
+        from scipy.linalg import expm  # noqa: PLC0415 (SciPy is loaded when needed)
+
         M_d, D_d, K_d = matrices
         nv = len(M_d)
         M_inverse = np.linalg.inv(M_d)

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from . import _certificate_words as words
-from ._arrays import Array, gain, per_joint, positive
+from ._arrays import Array, BoolArray, gain, per_joint, positive
 from ._lyapunov import Law, admissible_rate, solve
 from .exceptions import DimensionError, NonFiniteError
 from .surfaces import Surface
-
-BoolArray: TypeAlias = NDArray[np.bool_]
-"""One truth value per joint."""
 
 _MARGIN = (
     1e-12  # in units of k2: a d_max this close to the admissible one is not told apart from it

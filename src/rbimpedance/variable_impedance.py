@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from ._arrays import Array, positive_number
 from .exceptions import DimensionError, GainError
@@ -78,6 +77,8 @@ def check_variation(impedances: Sequence[Impedance], dt: float, nv: int) -> Vari
         F. Ferraguti, C. Secchi, C. Fantuzzi, A tank-based approach to impedance control with variable stiffness,
         ICRA 2013, for what to do where the conditions fail.
     """
+    from scipy.optimize import minimize_scalar  # noqa: PLC0415 (SciPy is loaded when needed)
+
     dt = positive_number("dt", dt, "time between samples in seconds")
     if len(impedances) < 3:
         raise DimensionError("impedances", "at least three samples", f"{len(impedances)}")
