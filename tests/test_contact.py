@@ -151,7 +151,7 @@ def test_push_swells_and_fades_smoothly() -> None:
 
 def test_whole_of_a_bell_shaped_push_is_half_of_force_times_duration() -> None:
     push = Push([0, 0, 10, 0, 0, 0], 0.5, 0.6)
-    impulse, _ = quad(lambda t: 10.0 * push.share(t), 0.5, 1.1)
+    impulse, _ = quad(lambda t: 10.0 * float(push.share(t)), 0.5, 1.1)
     assert impulse == pytest.approx(10.0 * 0.6 / 2.0, rel=1e-9)
 
 

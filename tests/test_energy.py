@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose
 
 import rbimpedance as rbi
 from rbimpedance.energy import energy_balance
-from rbimpedance.integrators import Integrator
 from rbimpedance.interaction import Push, Wall
+from rbimpedance.simulation.integrators import Integrator
 from rbimpedance.trajectories import cosine, hold
 
 from .arms import ARMS, manipulator, pendulum

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 import os
 import platform
@@ -15,11 +16,10 @@ from uuid import uuid4
 
 import numpy as np
 
-from ._arrays import Array
+from ._arrays import Array, BoolArray
 from ._leaf import leaf
 from .dynamics import ArmModel
 from .exceptions import GainError, ModelError
-from .limits import BoolArray
 
 if TYPE_CHECKING:
     from .visualization import Environment, Viewer
@@ -238,6 +238,7 @@ def provenance(controller: Any, plant: Any, **settings: object) -> dict[str, Any
     } | {name: _plain(value) for name, value in settings.items()}
 
 
+@functools.cache
 def _version(distribution: str) -> str:
     try:
         return version(distribution)

@@ -16,15 +16,16 @@ from .baselines import (
     SlotineLi,
     Smoothing,
 )
+from .checkpointing import Checkpoint
 from .controller import Controller, ImpedanceController
 from .dynamics import ArmModel
 from .exceptions import GainError
 from .impedance import Impedance
-from .integrators import Integrator
 from .interaction import FrameWrench, Interaction
 from .result import SimulationResult
 from .robots import load_robot
-from .simulation import simulate
+from .simulation.integrators import Integrator
+from .simulation.single import simulate
 from .super_twisting import Scheme, SuperTwisting
 from .surfaces import FastTerminalSurface, NonsingularTerminalSurface, PowerSurface, Surface
 from .tracking import Knowledge
@@ -58,7 +59,12 @@ class Scenario:
     substeps: int = 4
     integrator: Integrator = "semi-implicit"
 
-    def simulate(self, *, on_tick: Callable[[int, int], None] | None = None) -> SimulationResult:
+    def simulate(
+        self,
+        *,
+        on_tick: Callable[[int, int], None] | None = None,
+        checkpoint: Checkpoint | None = None,
+    ) -> SimulationResult:
         """Run it; see `rbimpedance.simulate`."""
         return simulate(
             self.controller,
@@ -70,6 +76,7 @@ class Scenario:
             substeps=self.substeps,
             integrator=self.integrator,
             on_tick=on_tick,
+            checkpoint=checkpoint,
         )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,6 +32,17 @@ Trajectory: TypeAlias = Callable[[float], Reference]
 """Maps a time [s] to the desired motion."""
 
 
+@runtime_checkable
+class SampledTrajectory(Protocol):
+    """A trajectory that gives many samples at once, in less time than one by one; those of this module do."""
+
+    def __call__(self, t: float) -> Reference:
+        """Return the desired motion at a time [s]."""
+
+    def sample(self, times: Array) -> Reference:
+        """Return the desired motion at n times [s]: arrays of n rows, or of one row for all where nothing changes."""
+
+
 def hold(arm: ArmModel, q: ArrayLike | None = None) -> Trajectory:
     """Stay at a configuration.
 
@@ -44,13 +55,7 @@ def hold(arm: ArmModel, q: ArrayLike | None = None) -> Trajectory:
         NonFiniteError: q holds NaN or infinity.
     """
     q = np.array(arm.neutral if q is None else arm.check_configuration("q", q))
-    rest = np.zeros(arm.nv)
-
-    def trajectory(t: float) -> Reference:
-        del t
-        return Reference(q.copy(), rest.copy(), rest.copy())
-
-    return trajectory
+    return _Hold(q, np.zeros(arm.nv))
 
 
 def cosine(
@@ -77,13 +82,7 @@ def cosine(
     middle = _center(arm, center)
     swing = vector("amplitude", _spread("amplitude", amplitude, arm.nv), arm.nv).copy()
     omega = 2.0 * np.pi / per_joint("period", positive("period", period), arm.nv)
-
-    def trajectory(t: float) -> Reference:
-        cos, sin = np.cos(omega * t), np.sin(omega * t)
-        q = arm.unchecked.integrate(middle, swing * cos)
-        return Reference(q, -swing * omega * sin, -swing * omega**2 * cos)
-
-    return trajectory
+    return _Cosine(arm, middle, swing, omega)
 
 
 def waypoints(
@@ -118,18 +117,64 @@ def waypoints(
     if not (np.diff(instants) > 0.0).all():
         raise GainError("times", list(times), "strictly increasing")
     steps = [arm.unchecked.difference(a, b) for a, b in pairwise(knots)]
+    return _Waypoints(arm, np.array(knots), np.array(steps), instants)
 
-    def trajectory(t: float) -> Reference:
-        i = int(np.clip(np.searchsorted(instants, t, side="right") - 1, 0, len(steps) - 1))
-        duration = instants[i + 1] - instants[i]
-        x = float(np.clip((t - instants[i]) / duration, 0.0, 1.0))
+
+class _Hold:
+    def __init__(self, q: Array, rest: Array) -> None:
+        self._q, self._rest = q, rest
+
+    def __call__(self, t: float) -> Reference:
+        del t
+        return Reference(self._q.copy(), self._rest.copy(), self._rest.copy())
+
+    def sample(self, times: Array) -> Reference:
+        del times
+        return Reference(self._q[None].copy(), self._rest[None].copy(), self._rest[None].copy())
+
+
+class _Cosine:
+    def __init__(self, arm: ArmModel, middle: Array, swing: Array, omega: Array) -> None:
+        self._arm, self._middle, self._swing, self._omega = arm, middle, swing, omega
+        self._rates, self._rate_of_joint = np.unique(omega, return_inverse=True)
+
+    def __call__(self, t: float) -> Reference:
+        return Reference(*(x[0] for x in self.sample(np.array([t]))))
+
+    def sample(self, times: Array) -> Reference:
+        swing, omega, phase = self._swing, self._omega, times[:, None] * self._rates
+        cos, sin = np.cos(phase), np.sin(phase)
+        if len(self._rates) > 1:
+            cos, sin = cos[:, self._rate_of_joint], sin[:, self._rate_of_joint]
+        q = _integrate_each(self._arm, self._middle[None], swing * cos)
+        return Reference(q, -swing * omega * sin, -swing * omega**2 * cos)
+
+
+class _Waypoints:
+    def __init__(self, arm: ArmModel, knots: Array, steps: Array, instants: Array) -> None:
+        self._arm, self._knots, self._steps, self._instants = arm, knots, steps, instants
+
+    def __call__(self, t: float) -> Reference:
+        return Reference(*(x[0] for x in self.sample(np.array([t]))))
+
+    def sample(self, times: Array) -> Reference:
+        instants, steps = self._instants, self._steps
+        i = np.clip(np.searchsorted(instants, times, side="right") - 1, 0, len(steps) - 1)
+        duration = (instants[i + 1] - instants[i])[:, None]
+        x = np.clip((times - instants[i])[:, None] / duration, 0.0, 1.0)
         blend = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
         rate = 30.0 * x**2 * (1.0 - x) ** 2 / duration
         curvature = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / duration**2
-        q = arm.unchecked.integrate(knots[i], blend * steps[i])
+        q = _integrate_each(self._arm, self._knots[i], blend * steps[i])
         return Reference(q, rate * steps[i], curvature * steps[i])
 
-    return trajectory
+
+def _integrate_each(arm: ArmModel, q: Array, steps: Array) -> Array:
+    """Row by row q (+) step; one row of q does for all."""
+    if arm.nq == arm.nv:
+        return np.asarray(q + steps)
+    q = np.broadcast_to(q, (len(steps), arm.nq))
+    return np.array([arm.unchecked.integrate(*row) for row in zip(q, steps, strict=True)])
 
 
 def _center(arm: ArmModel, center: ArrayLike | None) -> Array:

@@ -83,8 +83,21 @@ class Wall:
             q: Configuration, shape (nq,).
         """
         _, origin = arm.frame_placement(q, self.frame)
-        travel = 0.0 if self.displacement is None else float(self.displacement(t))
-        return float(self.normal @ (self.point - origin)) + travel
+        travel, _ = self.travel(np.array([t]))[0]
+        return float(self.normal @ (self.point - origin) + travel)
+
+    def travel(self, times: Array) -> Array:
+        """Return displacement [m] and speed [m/s] of the surface at n times, (n, 2), or (1, 2) where it stands still.
+
+        Args:
+            times: The times, shape (n,) [s].
+        """
+        surface = self.displacement
+        if surface is None:
+            return np.zeros((1, 2))
+        h = _RATE_STEP
+        rows = [(surface(t), (surface(t + h) - surface(t - h)) / (2.0 * h)) for t in times.tolist()]
+        return np.array(rows, dtype=np.float64)
 
     def force(self, arm: ArmModel, t: float, q: ArrayLike, v: ArrayLike) -> float:
         """Return how hard the wall pushes along its normal [N], never negative.
@@ -118,14 +131,9 @@ class Wall:
         return row
 
     def _push(self, depth: float, t: float, v: ArrayLike, row: Array) -> float:
-        rate = self._surface_speed(t) - float(row @ np.asarray(v))
-        return max(0.0, self.stiffness * depth + self.damping * rate)
-
-    def _surface_speed(self, t: float) -> float:
-        if self.displacement is None:
-            return 0.0
-        ahead, behind = self.displacement(t + _RATE_STEP), self.displacement(t - _RATE_STEP)
-        return float(ahead - behind) / (2.0 * _RATE_STEP)
+        _, speed = self.travel(np.array([t]))[0]
+        rate = speed - float(row @ np.asarray(v))
+        return float(max(0.0, self.stiffness * depth + self.damping * rate))
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -182,15 +190,15 @@ class Push:
             _acting=FrameWrench(lambda t: self.share(t) * self.wrench, frame, expressed_in),
         )
 
-    def share(self, t: float) -> float:
-        """Return the push's size at a time as a share of the whole, from 0 to 1.
+    def share(self, t: ArrayLike) -> Array:
+        """Return the push's size as a share of the whole, from 0 to 1, of the shape of t.
 
         Args:
-            t: Time [s].
+            t: Times [s].
         """
-        since = t - self.start
-        flank = np.clip(min(since, self.duration - since) / self.rise, 0.0, 1.0)
-        return float(np.sin(np.pi / 2.0 * flank) ** 2)
+        since = np.asarray(t, dtype=np.float64) - self.start
+        flank = np.clip(np.minimum(since, self.duration - since) / self.rise, 0.0, 1.0)
+        return np.asarray(np.sin(np.pi / 2.0 * flank) ** 2)
 
     def torque(self, arm: ArmModel, t: float, q: Array, v: Array) -> Array:
         """Return Jᵀ(q) w(t); see `Interaction.torque`."""

@@ -19,6 +19,18 @@ TimeFunction: TypeAlias = Callable[[float], ArrayLike]
 """Maps a time [s] to a vector."""
 
 
+class Constant:
+    """A vector that does not change: `value` at every time."""
+
+    def __init__(self, value: Array) -> None:
+        self.value = value
+
+    def __call__(self, t: float) -> Array:
+        """Return the value."""
+        del t
+        return self.value
+
+
 @runtime_checkable
 class Interaction(Protocol):
     """Anything that pushes on the arm."""
@@ -83,19 +95,19 @@ class FrameWrench:
     ) -> None:
         if expressed_in not in ("world", "local"):
             raise GainError("expressed_in", expressed_in, '"world" or "local"')
-        self._wrench = _as_function("wrench", wrench, 6, "force, moment")
+        self.function = _as_function("wrench", wrench, 6, "force, moment")
         self.frame = frame
         self.expressed_in = expressed_in
 
     def torque(self, arm: ArmModel, t: float, q: Array, v: Array) -> Array:
         """Return Jᵀ(q) w(t); see `Interaction.torque`."""
         del v
-        return arm.external_torque(q, self._wrench(t), self.frame, self.expressed_in)
+        return arm.external_torque(q, self.function(t), self.frame, self.expressed_in)
 
     def wrenches(self, arm: ArmModel, t: float, q: Array, v: Array) -> tuple[AppliedWrench, ...]:
         """Return the wrench in world axes; see `FrameInteraction.wrenches`."""
         del v
-        wrench = vector("wrench", self._wrench(t), 6, "force, moment")
+        wrench = vector("wrench", self.function(t), 6, "force, moment")
         if self.expressed_in == "local":
             rotation, _ = arm.frame_placement(q, self.frame)
             wrench = np.concatenate([rotation @ wrench[:3], rotation @ wrench[3:]])
@@ -114,12 +126,12 @@ class JointTorque:
     """
 
     def __init__(self, torque: ArrayLike | TimeFunction) -> None:
-        self._torque = _as_function("torque", torque, None, "nv")
+        self.function = _as_function("torque", torque, None, "nv")
 
     def torque(self, arm: ArmModel, t: float, q: Array, v: Array) -> Array:
         """Return the torque at time t; see `Interaction.torque`."""
         del q, v
-        return vector("torque", self._torque(t), arm.nv).copy()
+        return vector("torque", self.function(t), arm.nv).copy()
 
 
 class Sum:
@@ -183,10 +195,4 @@ def _as_function(
 ) -> TimeFunction:
     if callable(value):
         return value
-    constant = vector(name, value, size, symbol).copy()
-
-    def held(t: float) -> Array:
-        del t
-        return constant
-
-    return held
+    return Constant(vector(name, value, size, symbol).copy())

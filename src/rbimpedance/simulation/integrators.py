@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Literal, TypeAlias
 
-from ._arrays import Array
-from .dynamics import PinocchioDynamics
+from .._arrays import Array
+from ..pinocchio_dynamics import PinocchioDynamics
 
 Integrator: TypeAlias = Literal["semi-implicit", "rk4"]
 """How the plant is integrated."""

@@ -1,0 +1,214 @@
+"""A closed loop: its parts, and the readable form of its run, which specifies what the faster ones compute."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from .._arrays import Array
+from ..checkpointing import Checkpoint, RunState
+from ..controller import Controller
+from ..dynamics import ArmModel
+from ..exceptions import DivergenceError, GainError
+from ..interaction import Interaction, Sensor
+from ..pinocchio_dynamics import PinocchioDynamics
+from ..result import SimulationResult, provenance
+from ..snapshot import fingerprint
+from ..trajectories import Trajectory
+from .integrators import INTEGRATORS, Integrator
+from .sampling import tick_times
+
+SPEED_BOUND = 1e4
+"""A joint faster than this has diverged [rad/s or m/s]."""
+
+STIFF_FRICTION = 0.5
+"""Share of a joint's speed that friction takes in a step, from which semi-implicit Euler takes it at the step's end."""
+
+RK4_STABILITY = 2.7
+"""Largest such share that the Runge-Kutta method bears."""
+
+CHANNELS = ("q", "v", "q_r", "e1", "e2", "e_im", "s", "tau", "tau_ext", "saturated")
+"""Channels of a `SimulationResult`, besides the time."""
+
+OnTick: TypeAlias = Callable[[int, int], None]
+"""Told (ticks done, ticks in all)."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ClosedLoop:
+    """The parts of one run, checked.
+
+    Attributes:
+        controller: The controller.
+        plant: The simulated arm; a run works on a copy, so that it shares no work space with the controller.
+        trajectory: Desired motion.
+        environment: What pushes on the plant.
+        sensor: What tells the controller of that.
+        q: Initial configuration, shape (nq,).
+        v: Initial velocity, shape (nv,).
+        ticks: Number of the last tick.
+        substeps: Physics steps per control period.
+        integrator: Of the plant.
+    """
+
+    controller: Controller[Any]
+    plant: ArmModel
+    trajectory: Trajectory
+    environment: Interaction
+    sensor: Sensor[Any]
+    q: Array
+    v: Array
+    ticks: int
+    substeps: int
+    integrator: Integrator
+
+    @property
+    def h(self) -> float:
+        """Length of a physics step [s]."""
+        return self.controller.dt / self.substeps
+
+    def friction_is_stiff(self) -> bool:
+        """Whether a step has to take friction at its end.
+
+        Raises:
+            GainError: It has to, and the Runge-Kutta method cannot.
+        """
+        if not (self.plant.viscous.any() or self.plant.coulomb.any()):
+            return False
+        stiffness = self.h * self.plant.unchecked.friction_rate(self.q)
+        if self.integrator == "rk4" and stiffness > RK4_STABILITY:
+            needed = int(np.ceil(self.substeps * stiffness / RK4_STABILITY))
+            raise GainError(
+                "integrator",
+                "rk4",
+                f"'semi-implicit' for friction this stiff, or at least {needed} substeps",
+            )
+        return self.integrator == "semi-implicit" and stiffness > STIFF_FRICTION
+
+    def fingerprint(self) -> str:
+        """Return what tells this run from others; trajectory and environment cannot be told."""
+        return fingerprint(
+            self.controller,
+            self.plant,
+            ticks=self.ticks,
+            q0=self.q,
+            v0=self.v,
+            substeps=self.substeps,
+            integrator=self.integrator,
+            sensor=self.sensor,
+        )
+
+    def result(self, channels: dict[str, Any], samples: int) -> SimulationResult:
+        """Return the first samples of a log as a result."""
+        return SimulationResult(
+            t=tick_times(range(samples), self.controller.dt),
+            **{name: array[:samples] for name, array in channels.items()},
+            provenance=provenance(
+                self.controller,
+                self.plant,
+                substeps=self.substeps,
+                integrator=self.integrator,
+                sensor=self.sensor,
+            ),
+            plant=self.plant,
+        )
+
+    def divergence(self, k: int, joint: int, channels: dict[str, Any]) -> DivergenceError:
+        """Return the error of a joint that left every range in the period after tick k."""
+        name, time = self.plant.joint_names[joint], k * self.controller.dt
+        return DivergenceError(time, name, self.result(channels, k + 1))
+
+
+def run(
+    loop: ClosedLoop, on_tick: OnTick | None = None, checkpoint: Checkpoint | None = None
+) -> SimulationResult:
+    """Run a closed loop with any controller, environment and sensor.
+
+    Raises:
+        DivergenceError: A joint left every sensible range.
+        SnapshotError: The checkpoint is of another run, or damaged.
+    """
+    loop = replace(loop, plant=loop.plant.copy())
+    controller, plant, sensor = loop.controller, loop.plant, loop.sensor
+    period, log = _Period(loop), _Log(loop.ticks + 1, plant.nq, plant.nv)
+    start = RunState(0, loop.q, loop.v, np.zeros(plant.nv), controller.init(), sensor.init())
+    if checkpoint is not None:
+        start = checkpoint.begin(start, log.channels, loop.fingerprint())
+    first, q, v, tau, state, sensed = start
+    for k in range(first, loop.ticks + 1):
+        t = k * controller.dt
+        tau_ext = loop.environment.torque(plant, t, q, v)
+        told, sensed = sensor.step(sensed, q, v, tau, tau_ext)
+        output, state = controller.step(state, q, v, loop.trajectory(t), told)
+        tau = output.tau
+        a = plant.unchecked.forward_dynamics(q, v, tau + tau_ext)
+        log.write(k, q, v, output, controller.impedance_error(output, a), tau_ext)
+        if on_tick is not None:
+            on_tick(k, loop.ticks)
+        if k < loop.ticks:
+            q, v = period.advance(k, q, v, tau, log)
+            if checkpoint is not None:
+                checkpoint.offer(RunState(k + 1, q, v, tau, state, sensed), log.channels)
+    return loop.result(log.channels, loop.ticks + 1)
+
+
+class _Period:
+    """The plant between two ticks."""
+
+    def __init__(self, loop: ClosedLoop) -> None:
+        self.loop, self.h = loop, loop.h
+        self.dynamics: PinocchioDynamics = loop.plant.unchecked
+        self.step = INTEGRATORS[loop.integrator]
+        self.friction_is_stiff = loop.friction_is_stiff()
+
+    def advance(self, k: int, q: Array, v: Array, tau: Array, log: _Log) -> tuple[Array, Array]:
+        """Advance by one control period under a held torque."""
+        loop, plant, h = self.loop, self.loop.plant, self.h
+
+        def acceleration(t: float, q: Array, v: Array) -> Array:
+            if not np.isfinite(q).all():  # a stage of a diverging step: ended by the check below
+                return np.full(plant.nv, np.nan)
+            torque = tau + loop.environment.torque(plant, t, q, v)
+            if self.friction_is_stiff:
+                return self.dynamics.damped_forward_dynamics(q, v, torque, h)
+            return self.dynamics.forward_dynamics(q, v, torque)
+
+        for i in range(loop.substeps):
+            t = k * loop.controller.dt + i * h
+            with np.errstate(over="ignore", invalid="ignore"):
+                q, v = self.step(self.dynamics, acceleration, t, q, v, h)
+            speed = np.abs(v)
+            if not (speed < SPEED_BOUND).all():
+                joint = int(np.argmax(speed))  # NaN counts as the largest
+                raise loop.divergence(k, joint, log.channels)
+        return q, v
+
+
+class _Log:
+    """Preallocated channels, first axis time."""
+
+    def __init__(self, samples: int, nq: int, nv: int) -> None:
+        self.channels = empty_channels(samples, nq, nv)
+
+    def write(self, k: int, q: Array, v: Array, output: Any, e_im: Array, tau_ext: Array) -> None:
+        channels = self.channels
+        channels["q"][k], channels["v"][k] = q, v
+        channels["e_im"][k], channels["tau_ext"][k] = e_im, tau_ext
+        for name in ("q_r", "e1", "e2", "s", "tau", "saturated"):
+            channels[name][k] = getattr(output, name)
+
+
+def empty_channels(
+    samples: int, nq: int, nv: int, names: Iterable[str] = CHANNELS
+) -> dict[str, Any]:
+    """Return arrays for channels of a `SimulationResult`, by default all but the time."""
+    return {
+        name: np.empty(
+            (samples, nq if name in ("q", "q_r") else nv),
+            dtype=np.bool_ if name == "saturated" else np.float64,
+        )
+        for name in names
+    }

@@ -1,0 +1,161 @@
+"""The closed loop by compiled code, block of ticks by block."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from ..checkpointing import Checkpoint
+from ..compiled import is_available, say_once
+from ..controller import ImpedanceController
+from ..exceptions import UnsupportedJointError
+from ..interaction import Perfect
+from ..result import SimulationResult
+from ..tracking import check_measurements
+from ..trajectories import Reference
+from .closed_loop import SPEED_BOUND, ClosedLoop, OnTick, empty_channels
+from .sampling import sample, tick_times
+
+if TYPE_CHECKING:
+    from ..compiled.rollout import Controlled
+    from ..compiled.tables import ArmTables
+    from ..compiled.world import World
+
+STATES = 20
+"""Random states at which a plant's compiled dynamics are compared with Pinocchio's."""
+
+
+def run_compiled(
+    loop: ClosedLoop, on_tick: OnTick | None, checkpoint: Checkpoint | None = None
+) -> SimulationResult | None:
+    """Run a closed loop by compiled code; None where it has no compiled form, which is logged, once.
+
+    Raises:
+        DivergenceError: A joint left every sensible range.
+        InputError: The reference or the environment is not what a controller takes.
+        ModelError: The compiled dynamics of an arm are not Pinocchio's.
+        SnapshotError: The checkpoint is of another run, or damaged.
+    """
+    world = judged_world(loop, {}, STATES)
+    if world is None:
+        return None
+    from ..compiled.world import desk, journal  # noqa: PLC0415 (Numba is loaded when needed)
+
+    nq, nv, dt = loop.plant.nq, loop.plant.nv, loop.controller.dt
+    channels, space = empty_channels(loop.ticks + 1, nq, nv), desk(nq, nv)
+    book = journal(channels)
+    tell = _ignore if on_tick is None else on_tick
+    tell(0, loop.ticks)
+    for block in blocks_to_do(loop, world, channels, checkpoint):
+        times = tick_times(block, dt)
+        reference = sample(loop.controller.arm, loop.trajectory, times)
+        drive = world.surroundings.sampled(world.times(block))
+        outcome = world.run(block, reference, drive, space, book)
+        if outcome.ending == "diverged":
+            raise loop.divergence(outcome.tick, outcome.joint, channels)
+        if outcome.ending == "unsound":
+            check_inputs(loop, world, reference, outcome.tick - block.start)
+            return None
+        tell(block.stop - 1, loop.ticks)
+    return loop.result(channels, loop.ticks + 1)
+
+
+def blocks_to_do(
+    loop: ClosedLoop, world: World, channels: dict[str, Any], checkpoint: Checkpoint | None
+) -> Iterable[range]:
+    """Return the blocks of ticks of a run, or those that its checkpoint leaves to do.
+
+    Args:
+        loop: The loop.
+        world: Its compiled form.
+        channels: The log.
+        checkpoint: Where the run keeps what it has so far; None for nowhere.
+    """
+    blocks, memory = world.settings.blocks(), world.memory
+    if checkpoint is None:
+        return blocks
+    arrays = (*memory.motion, memory.even, memory.odd)
+    return checkpoint.blocks(blocks, arrays, channels, loop.fingerprint())
+
+
+def _ignore(done: int, ticks: int) -> None:
+    del done, ticks
+
+
+def judged_world(loop: ClosedLoop, known: dict[int, Controlled], states: int) -> World | None:
+    """Return a loop in compiled form; None where it has none, which is logged, once.
+
+    Args:
+        loop: The loop.
+        known: Compiled controllers by the identity of the controller, to be used and added to.
+        states: Number of random states at which the plant's dynamics are compared with Pinocchio's.
+
+    Raises:
+        ModelError: The compiled dynamics of an arm are not Pinocchio's.
+    """
+    if not is_available("rollout"):
+        return None
+    from ..compiled.dynamics import CompiledDynamics  # noqa: PLC0415 (Numba is loaded when needed)
+    from ..compiled.world import controlled  # noqa: PLC0415
+
+    reason = reason_against(loop)
+    try:
+        if reason is None:
+            controller: Any = loop.controller
+            key = id(controller)
+            if key not in known:
+                known[key] = controlled(controller, CompiledDynamics(controller.arm).tables)
+            return new_world(loop, known[key], CompiledDynamics(loop.plant, states).tables)
+    except UnsupportedJointError as error:
+        reason = f"'{loop.plant.name}': {error}"
+    say_once(f"the run is left to Python and Pinocchio for {reason}")
+    return None
+
+
+def reason_against(loop: ClosedLoop) -> str | None:
+    """Return what of a loop has no compiled form, in words, or None; what arms have none, the tables say."""
+    for part, kind in ((loop.controller, ImpedanceController), (loop.sensor, Perfect)):
+        if type(part) is not kind:
+            return f"its {type(part).__name__}"
+    from ..compiled.world import reason_against_parts  # noqa: PLC0415
+
+    return reason_against_parts(loop.controller, loop.environment)
+
+
+def new_world(loop: ClosedLoop, controller: Controlled, plant: ArmTables) -> World:
+    """Return a loop in compiled form.
+
+    Args:
+        loop: One that there is no `reason_against`.
+        controller: Its controller, compiled.
+        plant: Tables of its plant.
+
+    Raises:
+        GainError: The Runge-Kutta method cannot take friction as stiff as the plant's.
+        InputError: The environment does not fit the arm.
+        ModelError: It acts at a frame that the arm does not have.
+    """
+    from ..compiled.world import Settings, World  # noqa: PLC0415
+
+    loop.environment.torque(loop.plant, 0.0, loop.q, loop.v)  # refuses what does not fit the arm
+    integrator: Any = "stiff" if loop.friction_is_stiff() else loop.integrator
+    settings = Settings(loop.ticks, loop.substeps, integrator, SPEED_BOUND)
+    q, v = loop.q.copy(), loop.v.copy()
+    return World(controller, loop.plant, plant, loop.environment, q, v, settings)
+
+
+def check_inputs(loop: ClosedLoop, world: World, reference: Reference, i: int) -> None:
+    """Raise the error of the inputs that the compiled tick has refused.
+
+    Args:
+        loop: The loop.
+        world: Its compiled form, at that tick.
+        reference: Of the block.
+        i: Which of its ticks it was.
+
+    Raises:
+        InputError: What is wrong with them, if the readable tick refuses them, too.
+    """
+    motion = world.memory.motion
+    told = Reference(*(rows[min(i, len(rows) - 1)] for rows in reference))
+    check_measurements(loop.controller.arm, motion.q, motion.v, told, motion.tau_ext)
