@@ -15,12 +15,13 @@ import scipy.linalg
 import rbimpedance as rbi
 from rbimpedance._arrays import Array
 from rbimpedance.trajectories import Trajectory, cosine, hold
-from rbimpedance.tuning import GainProposal, PlantSample, Uncertainty, propose_gains
+from rbimpedance.tuning import GainProposal, PlantSample, Uncertainty, propose_gains, slowed
 from rbimpedance.tuning.gain_design import Design, Task, design, measure_task
 from rbimpedance.tuning.gains_file import load_gains, save_gains
 from rbimpedance.tuning.input_gain import gain_limit, needed_margin
 from rbimpedance.tuning.mismatch import Mismatch, carried_model, measure
 from rbimpedance.tuning.motions import Spread, sample_motions
+from rbimpedance.tuning.torque_demand import RESERVE_ACCELERATION, Exertion
 
 from .arms import manipulator, pendulum
 from .command_line import call
@@ -345,6 +346,7 @@ def designed(arm: rbi.ArmModel, **imperfect: Any) -> Design:
         instants=9,
         seed=0,
         spread=Spread(),
+        limits=None,
     )
     return design(task, measure_task(task))
 
@@ -388,6 +390,194 @@ def test_surface_that_the_theorem_does_not_cover_is_refused(two_link: rbi.ArmMod
         propose(two_link, UNKNOWN, surface=surface)
 
 
+def test_bounded_surface_carries_a_start_far_beyond_what_gains_were_proposed_for(
+    two_link: rbi.ArmModel, accepted: GainProposal
+) -> None:
+    """2 rad off with gains for 0.2 rad: at the speed that the surface has at 0.2 rad, and home."""
+    near, stated = accepted.controller(), 0.2
+    bounded = rbi.BoundedSurface(near.surface, stated)
+    controller = rbi.ImpedanceController(near.arm, near.impedance, bounded, near.reaching, DT)
+    far = cosine(two_link, center=[2.0, -2.0], amplitude=stated, period=6.0)
+    plant = UNKNOWN.sample(two_link, 1)[0].plant
+    speeds = []
+    for law in (controller, near):
+        result = rbi.simulate(law, plant, far, q0=two_link.neutral, duration=5.0)
+        speeds.append(float(np.abs(result.e2).max()))
+        assert np.abs(result.e1[-1]).max() < 1e-4
+    limit = float(bounded.speed(np.full(2, 2.0)).max())
+    assert limit == pytest.approx(float(near.surface.value(np.array([0.2]), np.zeros(1))[0]))
+    assert speeds[0] < 1.25 * limit
+    assert speeds[1] > 3.0 * limit
+
+
+# --- torque limits ------------------------------------------------------------------------------------------------
+
+
+def swing_soon(arm: rbi.ArmModel) -> Trajectory:
+    """A motion whose torque comes from inertia as much as from weight."""
+    return cosine(arm, amplitude=0.2, period=2.0)
+
+
+def propose_within(arm: rbi.ArmModel, limits: Any, **changes: Any) -> GainProposal:
+    settings: dict[str, Any] = {"uncertainty": UNKNOWN, "trajectory": swing_soon(arm)} | changes
+    return propose_gains(arm, dt=DT, duration=3.0, samples=8, limits=limits, **settings)
+
+
+@pytest.fixture(scope="module")
+def unhindered(two_link: rbi.ArmModel) -> GainProposal:
+    """Limits far away."""
+    return propose_within(two_link, 1e6)
+
+
+@pytest.fixture(scope="module")
+def needed(unhindered: GainProposal) -> Array:
+    assert unhindered.torque is not None
+    return unhindered.torque.needed
+
+
+@pytest.fixture(scope="module")
+def weak_shoulder(two_link: rbi.ArmModel, needed: Array) -> GainProposal:
+    return propose_within(two_link, [0.9 * needed[0], 1e6])
+
+
+def test_torque_that_a_pendulum_needs_has_a_closed_form() -> None:
+    """Largest abs(m·l²·a + m·g·l·sin q) with all the payload; the reserve is m·l² times its acceleration."""
+    arm, heaviest = pendulum(), 3.0
+    motion = cosine(arm, amplitude=0.6, period=1.0)
+    plants = Uncertainty(payload=1.0).extremes(arm)
+    demand = Exertion(plants, motion, 3.0).demand(rbi.Limits(10.0))
+    q, a = np.array([(now.q[0], now.a[0]) for now in map(motion, np.linspace(0.0, 3.0, 3001))]).T
+    tau = heaviest * (0.25 * a + 9.81 * 0.5 * np.sin(q))
+    np.testing.assert_allclose(demand.needed, np.abs(tau).max(), rtol=1e-3)
+    np.testing.assert_allclose(demand.reserve, RESERVE_ACCELERATION * heaviest * 0.25)
+    np.testing.assert_allclose(demand.rate_needed, np.abs(np.diff(tau) / 1e-3).max(), rtol=1e-2)
+    assert demand.plants[0].payload == 1.0
+    assert motion(float(demand.time[0])).v[0] == pytest.approx(0.0, abs=0.05)  # where it turns
+
+
+def test_torque_constant_below_one_asks_for_more_torque() -> None:
+    arm = pendulum()
+    weak = Uncertainty(torque_constant=(0.5, 0.5)).extremes(arm)
+    asked = [
+        Exertion(plants, hold(arm, [1.0]), 1.0).demand(rbi.Limits()).needed[0]
+        for plants in (weak, Uncertainty().extremes(arm))
+    ]
+    assert asked[0] == pytest.approx(2.0 * asked[1])
+
+
+def test_slowed_exertion_is_that_of_the_slowed_motion(two_link: rbi.ArmModel) -> None:
+    plants, motion = UNKNOWN.extremes(two_link), swing_soon(two_link)
+    fast = Exertion(plants, motion, 2.0).demand(rbi.Limits(), slower=1.7)
+    slow = Exertion(plants, slowed(motion, 1.7), 3.4).demand(rbi.Limits())
+    np.testing.assert_allclose(fast.needed, slow.needed, rtol=1e-3)
+    np.testing.assert_allclose(fast.rate_needed, slow.rate_needed, rtol=3e-2)
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+def test_yes_at_the_very_limit_converges(two_link: rbi.ArmModel, needed: Array, joint: int) -> None:
+    limits = np.full(2, np.inf)
+    limits[joint] = 1.001 * needed[joint]
+    proposal = propose_within(two_link, limits)
+    assert proposal.feasible
+    for sample in UNKNOWN.sample(two_link, 3, seed=5):
+        assert error_within(proposal, limits, sample) < 1e-3
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+def test_no_just_below_the_limit_is_right_and_names_the_joint_and_what_it_lacks(
+    two_link: rbi.ArmModel, unhindered: GainProposal, needed: Array, joint: int
+) -> None:
+    limits = np.full(2, 1e6)
+    limits[joint] = 0.97 * needed[joint]
+    proposal = propose_within(two_link, limits)
+    assert not proposal.feasible
+    assert proposal.joint == two_link.joint_names[joint]
+    assert proposal.torque is not None
+    assert proposal.torque.lack[joint] == pytest.approx(0.03 * needed[joint])
+    assert f"lacks {0.03 * needed[joint]:.3g} N·m" in proposal.reason
+    assert error_within(unhindered, limits, proposal.torque.plants[joint]) > 1e-2
+
+
+def error_within(proposal: GainProposal, limits: Any, sample: PlantSample) -> float:
+    """Largest true error over the last of 4 s with the proposal's gains."""
+    arm, controller = proposal.nominal, proposal.controller(limits=limits)
+    motion = swing_soon(arm)
+    result = rbi.simulate(controller, sample.plant, motion, q0=arm.neutral, duration=4.0)
+    late = result.t >= 3.0
+    last = zip(result.q[late], result.q_r[late], strict=True)
+    return max(float(np.abs(arm.difference(q, q_r)).max()) for q, q_r in last)
+
+
+def test_ways_out_of_torque_limits_are_enough_and_little_less_is_not(
+    two_link: rbi.ArmModel, weak_shoulder: GainProposal
+) -> None:
+    limits = weak_shoulder.limits
+    slower, lighter, stronger = weak_shoulder.ways_out
+    factor = number_in(r"(\S+) times slower: enough", slower)
+    payload = number_in(r"payload of (\S+) kg at most: enough", lighter)
+    torque = number_in(r"actuators with (\S+) N", stronger)
+    motion = swing_soon(two_link)
+    assert propose_within(two_link, limits, trajectory=slowed(motion, factor)).feasible
+    assert propose_within(two_link, limits, uncertainty=UNKNOWN.but(payload=payload)).feasible
+    assert propose_within(two_link, [torque, 1e6]).feasible
+    demands = (
+        Exertion(UNKNOWN.extremes(two_link), slowed(motion, 0.98 * factor), 3.0 * factor),
+        Exertion(UNKNOWN.but(payload=1.02 * payload).extremes(two_link), motion, 3.0),
+    )
+    assert limits is not None
+    assert not any(exertion.demand(limits).with_reserve for exertion in demands)
+
+
+def number_in(pattern: str, text: str) -> float:
+    found = re.search(pattern, text)
+    assert found is not None, text
+    return float(found[1])
+
+
+def test_no_motion_is_slow_enough_for_a_joint_that_cannot_hold_the_arm(
+    two_link: rbi.ArmModel,
+) -> None:
+    proposal = propose_within(two_link, [10.0, 1e6])
+    assert not any("slower" in way or "payload" in way for way in proposal.ways_out)
+    assert any("actuators" in way for way in proposal.ways_out)
+
+
+def test_torque_that_may_not_change_fast_enough_is_refused(
+    two_link: rbi.ArmModel, unhindered: GainProposal
+) -> None:
+    assert unhindered.torque is not None
+    rate = np.array([1e6, 0.9 * unhindered.torque.rate_needed[1]])
+    proposal = propose_within(two_link, rbi.Limits(rate=rate))
+    assert proposal.joint == two_link.joint_names[1]
+    assert "N·m/s" in proposal.reason
+
+
+def test_pushes_ask_for_torque_too(two_link: rbi.ArmModel, needed: Array) -> None:
+    pushed = Spread(position=0.1, velocity=0.8, acceleration=8.0)
+    proposal = propose_within(two_link, 1.2 * needed, spread=pushed)
+    assert not proposal.feasible
+    assert propose_within(two_link, 1.2 * needed).feasible
+
+
+def test_feasible_controller_keeps_the_limits_that_it_was_proposed_with(
+    two_link: rbi.ArmModel, needed: Array
+) -> None:
+    proposal = propose_within(two_link, 1.2 * needed)
+    limits = proposal.controller().limits
+    assert limits is not None
+    np.testing.assert_array_equal(limits.effort, 1.2 * needed)
+    result = rbi.simulate(
+        proposal.controller(), two_link, swing_soon(two_link), q0=two_link.neutral, duration=0.5
+    )
+    assert (np.abs(result.tau) <= 1.2 * needed).all()
+    assert result.saturated.any()
+
+
+def test_limits_for_another_number_of_joints_are_refused(two_link: rbi.ArmModel) -> None:
+    with pytest.raises(rbi.DimensionError, match="effort"):
+        propose_within(two_link, [1.0, 2.0, 3.0])
+
+
 # --- files and the command line -----------------------------------------------------------------------------------
 
 
@@ -407,6 +597,31 @@ def test_gains_come_back_from_their_file(accepted: GainProposal, tmp_path: Path)
     np.testing.assert_array_equal(torques[0], torques[1])
 
 
+def test_limits_come_back_from_the_file_of_the_gains(
+    two_link: rbi.ArmModel, needed: Array, tmp_path: Path
+) -> None:
+    limits = [1.1 * needed[0], np.inf]
+    path = save_gains(propose_within(two_link, limits), tmp_path / "gains.json")
+    table = json.loads(path.read_text("utf-8"))["torque"]
+    assert table["needed"] == needed.tolist()
+    assert table["limit"] == [limits[0], None]
+    assert table["lack"] == [0.0, 0.0]
+    impedance = rbi.Impedance(mass=1.0, damping=10.0, stiffness=20.0)
+    kept = load_gains(path).controller(two_link, impedance).limits
+    assert kept is not None
+    np.testing.assert_array_equal(kept.effort, limits)
+
+
+def test_body_that_the_model_carries_comes_back_from_the_file(tmp_path: Path) -> None:
+    arm = rbi.load_robot("two_link")
+    body = Uncertainty(payload=1.0, payload_com=(0.0, 0.0, 0.05), payload_gyration=(0.1, 0.1))
+    proposal = propose(arm, body)
+    gains = load_gains(save_gains(proposal, tmp_path / "gains.json"))
+    model = gains.controller(arm, rbi.Impedance(1.0, 10.0, 20.0)).arm
+    q = np.array([0.3, -0.4])
+    np.testing.assert_array_equal(model.mass_matrix(q), proposal.arm.mass_matrix(q))
+
+
 def test_refused_gains_are_not_read(refused: GainProposal, tmp_path: Path) -> None:
     path = save_gains(refused, tmp_path / "gains.json")
     assert json.loads(path.read_text("utf-8"))["joint"] == refused.joint
@@ -420,7 +635,7 @@ def test_gains_of_another_arm_are_not_taken(accepted: GainProposal, tmp_path: Pa
         gains.controller(manipulator(), rbi.Impedance(mass=1.0, damping=10.0, stiffness=20.0))
 
 
-@pytest.mark.parametrize("text", ["", "{}", '{"format": 9}', '{"format": 1, "feasible": true}'])
+@pytest.mark.parametrize("text", ["", "{}", '{"format": 9}', '{"format": 2, "feasible": true}'])
 def test_damaged_gains_file_is_refused(text: str, tmp_path: Path) -> None:
     path = tmp_path / "gains.json"
     path.write_text(text, encoding="utf-8")
@@ -453,3 +668,21 @@ def test_tune_that_finds_no_gains_is_exit_code_1_with_the_reason(
     printed = capsys.readouterr().out
     assert "No gains: joint" in printed
     assert "Ways out:" in printed
+
+
+def test_tune_with_limits_prints_what_each_joint_lacks(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ("--limits", "60,20", "--dt", "0.004", "--out", str(tmp_path))
+    assert call(monkeypatch, "tune", "two_link", "--payload", "2", *options) == 1
+    printed = capsys.readouterr().out
+    assert "lacks [N m]" in printed
+    assert re.search(r"No gains: joint 'joint[12]' needs .* N·m with a payload of 2 kg", printed)
+
+
+def test_tune_says_that_a_description_has_no_limits(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ("--limits", "urdf", "--out", str(tmp_path))
+    assert call(monkeypatch, "tune", "two_link", *options) == 2
+    assert "without effort limits" in capsys.readouterr().err

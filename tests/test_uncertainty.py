@@ -91,6 +91,19 @@ def test_payload_adds_its_weight_at_its_lever() -> None:
     np.testing.assert_allclose(sample.plant.bias([q], [0.0]), [expected], rtol=1e-12)
 
 
+def test_payload_with_extent_turns_harder_and_weighs_the_same() -> None:
+    """m·(l² + r²) about the pivot; a cube of edge a has m·a²/6 about its centre, r = a/√6."""
+    arm, edge = pendulum(), 0.3
+    radius = edge / np.sqrt(6.0)
+    body = Uncertainty(payload=(1.5, 1.5), payload_gyration=(radius, radius))
+    plant = body.sample(arm, 1)[0].plant
+    q = np.array([0.7])
+    wanted = (2.0 + 1.5) * 0.5**2 + 1.5 * edge**2 / 6.0
+    assert plant.mass_matrix(q)[0, 0] == pytest.approx(wanted)
+    zero = np.zeros(1)
+    assert plant.bias(q, zero)[0] == pytest.approx(3.5 * 9.81 * 0.5 * np.sin(0.7))
+
+
 def test_links_friction_and_rotors_enter_the_equation_of_motion() -> None:
     uncertainty = Uncertainty(
         inertia_scale=(1.3, 1.3), viscous=(0.4, 0.4), coulomb=(0.2, 0.2), armature=(0.1, 0.1)

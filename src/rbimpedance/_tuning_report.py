@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 from rich.table import Table
 
+from ._arrays import Array
 from ._terminal import number, table
 from .tuning import GainProposal
 
@@ -28,6 +30,23 @@ def gains_table(proposal: GainProposal) -> Table:
     verdict = "proposed gains" if proposal.feasible else "REFUSED, the numbers behind it"
     title = f"{proposal.nominal.name}, dt = {proposal.dt:g} s: {verdict}"
     return table(title, ("joint", *_COLUMNS), rows)
+
+
+def torque_table(proposal: GainProposal) -> Table | None:
+    """One row per joint: what the motion needs of its limits; None where there are none."""
+    demand = proposal.torque
+    if demand is None:
+        return None
+    columns: tuple[Array, ...] = (demand.needed, demand.reserve, demand.limit, demand.lack)
+    header = ["needs [N m]", "wanted to spare [N m]", "limit [N m]", "lacks [N m]"]
+    if np.isfinite(demand.rate_limit).any():
+        columns += (demand.rate_needed, demand.rate_limit, demand.rate_lack)
+        header += ["needs [N m/s]", "limit [N m/s]", "lacks [N m/s]"]
+    rows = [
+        [name, *(number(float(column[i])) for column in columns)]
+        for i, name in enumerate(proposal.nominal.joint_names)
+    ]
+    return table("torque, over all plants", ("joint", *header), rows)
 
 
 def worst_table(proposal: GainProposal) -> Table:

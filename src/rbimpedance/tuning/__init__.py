@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from .imperfect import ImperfectController as ImperfectController
 from .motions import Spread as Spread
+from .plant_sample import PlantSample as PlantSample
 from .proposal import GainProposal as GainProposal
 from .proposal import propose_gains as propose_gains
-from .uncertainty import PlantSample as PlantSample
+from .torque_demand import TorqueDemand as TorqueDemand
+from .torque_demand import slowed as slowed
 from .uncertainty import Uncertainty as Uncertainty

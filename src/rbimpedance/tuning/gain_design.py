@@ -9,13 +9,16 @@ from typing import NamedTuple
 import numpy as np
 
 from .._arrays import Array
+from ..controller import Backend
 from ..dynamics import ArmModel
+from ..limits import Limits
 from ..surfaces import FastTerminalSurface, Surface
 from ..trajectories import Trajectory
 from .input_gain import LARGEST_MARGIN, bears, gain_limit, needed_margin
 from .mismatch import Mismatch, carried_model, measure
 from .motions import Spread, sample_motions
-from .uncertainty import PlantSample, Uncertainty
+from .plant_sample import PlantSample
+from .uncertainty import Uncertainty
 
 TORQUE_FLOOR = 0.5
 """Smallest torque mismatch that gains are made for [N·m or N]: it lets a joint reach its surface without one, too."""
@@ -52,6 +55,8 @@ class Task:
         instants: Number of instants along the trajectory.
         seed: Of everything random.
         spread: How far motions leave the trajectory.
+        limits: Of the actuators; None for none.
+        backend: Who computes the simulations, see `simulate`.
     """
 
     arm: ArmModel
@@ -65,6 +70,8 @@ class Task:
     instants: int
     seed: int
     spread: Spread
+    limits: Limits | None
+    backend: Backend = "pinocchio"
 
 
 class Measured(NamedTuple):
@@ -269,11 +276,14 @@ def _judged(task: Task, found: Design) -> Design:
             f"{mismatch.gain_low:.2g} to {mismatch.gain_high:.2g} needs a margin of {found.margin:.3g}"
         )
         return replace(found, joint=joint, reason=reason)
-    joint = int(np.argmax(found.noise_torque / task.arm.effort_limit))
-    if found.noise_torque[joint] > task.arm.effort_limit[joint]:
+    limit = task.arm.effort_limit
+    if task.limits is not None:
+        limit = np.broadcast_to(task.limits.effort, limit.shape)
+    joint = int(np.argmax(found.noise_torque / limit))
+    if found.noise_torque[joint] > limit[joint]:
         reason = (
             f"noise would take {found.noise_torque[joint]:.3g} N·m of joint '{names[joint]}', which has "
-            f"{task.arm.effort_limit[joint]:g}"
+            f"{limit[joint]:g}"
         )
         return replace(found, joint=joint, reason=reason)
     return found

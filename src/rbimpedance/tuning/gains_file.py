@@ -20,9 +20,11 @@ from ..impedance import Impedance
 from ..limits import Limits
 from ..super_twisting import SuperTwisting
 from ..surfaces import FastTerminalSurface, PowerSurface, Surface
+from .plant_sample import with_body
 from .proposal import GainProposal
+from .torque_demand import TorqueDemand
 
-_FORMAT = 1
+_FORMAT = 2
 _SURFACES = {surface.__name__: surface for surface in (FastTerminalSurface, PowerSurface)}
 
 
@@ -41,7 +43,9 @@ class Gains:
         payload: Mass that the controller's model carries [kg].
         payload_com: Its position, shape (3,) [m].
         payload_frame: Its frame; None for the tool frame.
+        payload_gyration: Its radius of gyration [m].
         armature: Of the controller's model, shape (nv,) [kg·m² or kg].
+        limits: Of the actuators that the gains were made for; None for none.
     """
 
     robot: str
@@ -54,7 +58,9 @@ class Gains:
     payload: float
     payload_com: Array
     payload_frame: str | None
+    payload_gyration: float
     armature: Array
+    limits: Limits | None
 
     def controller(
         self, arm: ArmModel, impedance: Impedance, *, limits: Limits | ArrayLike | None = None
@@ -64,7 +70,7 @@ class Gains:
         Args:
             arm: The arm.
             impedance: Target impedance.
-            limits: Of the actuators; see `ImpedanceController`.
+            limits: Of the actuators; those of the file by default, +inf for none.
 
         Raises:
             GainError: The file is for other joints.
@@ -73,7 +79,8 @@ class Gains:
             raise GainError(
                 "gains", f"for {self.robot}: {', '.join(self.joint_names)}", f"for '{arm.name}'"
             )
-        model = arm.with_payload(self.payload, self.payload_com, frame=self.payload_frame)
+        body = (self.payload, self.payload_com, self.payload_gyration, self.payload_frame)
+        model = with_body(arm, *body)
         reaching = SuperTwisting(self.k1, self.k2, "matched", self.margin)
         return ImpedanceController(
             model.with_armature(self.armature),
@@ -81,7 +88,7 @@ class Gains:
             self.surface,
             reaching,
             self.dt,
-            limits=limits,
+            limits=self.limits if limits is None else limits,
         )
 
 
@@ -106,11 +113,14 @@ def proposal_data(proposal: GainProposal) -> dict[str, Any]:
             "payload": proposal.payload,
             "payload_com": uncertainty.payload_com.mean(axis=0),
             "payload_frame": uncertainty.payload_frame,
+            "payload_gyration": uncertainty.payload_gyration.mean(),
             "armature": proposal.arm.armature,
         },
         "bounds": vars(mismatch)
         | {name: getattr(proposal, name) for name in ("error", "noise_error", "noise_torque")}
         | {"rho": mismatch.rho, "gain_limit": proposal.gain_limit},
+        "limits": None if proposal.limits is None else vars(proposal.limits),
+        "torque": None if proposal.torque is None else _torque(proposal.torque),
         "uncertainty": vars(uncertainty),
         "worst": [_worst(case) for case in proposal.worst],
     }
@@ -170,8 +180,27 @@ def _gains(data: Mapping[str, Any]) -> Gains:
         payload=float(model["payload"]),
         payload_com=np.array(model["payload_com"], dtype=np.float64),
         payload_frame=model["payload_frame"],
+        payload_gyration=float(model["payload_gyration"]),
         armature=np.array(model["armature"], dtype=np.float64),
+        limits=_limits(data["limits"]),
     )
+
+
+def _limits(data: Mapping[str, Any] | None) -> Limits | None:
+    """Limits out of plain data, in which null stands for infinity."""
+    if data is None:
+        return None
+    return Limits(**{name: _infinite_where_null(value) for name, value in data.items()})
+
+
+def _infinite_where_null(value: Any) -> Array:
+    numbers = np.array(value, dtype=np.float64)
+    return np.where(np.isnan(numbers), np.inf, numbers)
+
+
+def _torque(demand: TorqueDemand) -> dict[str, Any]:
+    names = ("needed", "reserve", "limit", "lack", "rate_needed", "rate_limit", "rate_lack", "time")
+    return {name: getattr(demand, name) for name in names}
 
 
 def _worst(case: Any) -> dict[str, Any]:

@@ -9,12 +9,15 @@ from typing import NamedTuple
 import numpy as np
 
 from .._arrays import Array
-from ..dynamics import COULOMB_SMOOTHING, ArmModel
+from ..dynamics import ArmModel
+from ..pinocchio_dynamics import COULOMB_SMOOTHING
 from ..trajectories import Reference
 from .motions import Motion
-from .uncertainty import PlantSample, Uncertainty
+from .plant_sample import PlantSample, with_body
+from .uncertainty import Uncertainty
 
-_SHARES = np.linspace(0.0, 1.0, 11)  # of the payload's range that the model may carry
+_SHARES = np.array([0.0, 0.003, 0.01, 0.02, 0.03, 0.05, 0.07, *np.linspace(0.1, 1.0, 10)])
+"""Of the payload's range that the model may carry; finer where it is light, for bodies that a wrist hardly weighs."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -112,10 +115,11 @@ def carried_model(
     samples = uncertainty.extremes(arm)
     few = motions[:: max(len(motions) // 6, 1)]
     com = uncertainty.payload_com.mean(axis=0)
+    gyration = float(uncertainty.payload_gyration.mean())
     best, best_rho, carried = arm, np.inf, 0.0
     for share in (_SHARES if _is_uncertain(uncertainty) else _SHARES[:1]).tolist():
         payload = float(_between(uncertainty.payload, share))
-        model = arm.with_payload(payload, com, frame=uncertainty.payload_frame)
+        model = with_body(arm, payload, com, gyration, uncertainty.payload_frame)
         if uncertainty.armature is not None:
             model = model.with_armature(_between(uncertainty.armature, share))
         model = _with_friction_over_period(model, uncertainty, few, dt)

@@ -2,32 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._arrays import Array, positive_number
-from ..controller import ImpedanceController
+from .._arrays import Array, per_joint, positive_number
+from ..controller import Backend, ImpedanceController
 from ..dynamics import ArmModel
 from ..exceptions import GainError
 from ..impedance import Impedance
-from ..limits import Limits
-from ..stability import Certificate, certify
+from ..limits import Limits, as_limits
+from ..stability import Certificate
 from ..super_twisting import SuperTwisting
 from ..surfaces import NonsingularTerminalSurface, Surface
 from ..trajectories import Trajectory
-from .gain_design import Design, Measured, Task, design, measure_task
+from .checks import Checked, check
+from .gain_design import Task, measure_task
 from .imperfect import whole_number
 from .mismatch import Mismatch
 from .motions import Spread
+from .torque_demand import TorqueDemand
 from .uncertainty import Uncertainty
-from .ways_out import ways_out
-from .worst_case import ExtremeCase, worst_cases
-
-_SLOWER = 1.6  # the margin grows by this where a worst sample chatters or diverges
-_ROUNDS = 3
+from .worst_case import ExtremeCase
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -56,6 +54,8 @@ class GainProposal:
         noise_torque: Torque that it stands for, about [N·m or N].
         certificate: Theorem 1 for the effective gains at the smallest input gain; None where the margin is infinite.
         worst: The simulated worst samples; empty where the bounds alone say no.
+        limits: Of the actuators, which the controller keeps; None for none.
+        torque: What the motion asks of the joints against these limits; None where there are none.
     """
 
     feasible: bool
@@ -79,6 +79,8 @@ class GainProposal:
     noise_torque: Array
     certificate: Certificate | None
     worst: tuple[ExtremeCase, ...]
+    limits: Limits | None
+    torque: TorqueDemand | None
 
     def controller(
         self, impedance: Impedance | None = None, *, limits: Limits | ArrayLike | None = None
@@ -87,7 +89,7 @@ class GainProposal:
 
         Args:
             impedance: Target impedance; M_d = 1, D_d = 10, K_d = 20 by default, as in the paper.
-            limits: Of the actuators; see `ImpedanceController`.
+            limits: Of the actuators; those of the proposal by default, +inf for none.
 
         Raises:
             GainError: The proposal is not feasible.
@@ -96,6 +98,7 @@ class GainProposal:
             raise GainError("proposal", self.reason, "feasible; see its ways_out")
         reaching = SuperTwisting(self.k1, self.k2, "matched", self.margin)
         impedance = _usual_impedance() if impedance is None else impedance
+        limits = self.limits if limits is None else limits
         return ImpedanceController(
             self.arm, impedance, self.surface, reaching, self.dt, limits=limits
         )
@@ -110,8 +113,16 @@ class GainProposal:
             f"The controller carries {self.payload:.3g} kg. A plant answers with {mismatch.gain_low:.2g} to "
             f"{mismatch.gain_high:.2g} times the acceleration that the model expects; the scheme bears up to "
             f"{self.gain_limit:.2g} with margin {float(self.margin.max()):.3g} at dt = {self.dt:g} s. The error that "
-            f"remains is about {self.error.max():.2g} rad."
+            f"remains is about {self.error.max():.2g} rad." + self._explain_torque()
         )
+
+    def _explain_torque(self) -> str:
+        """The joint that comes nearest to its limits, if there are any."""
+        if self.torque is None or not self.torque.share.any():
+            return ""
+        i = int(np.argmax(self.torque.share))
+        name, share = self.nominal.joint_names[i], float(self.torque.share[i])
+        return f" Of its limits joint '{name}' needs the most, {share:.0%}."
 
 
 def propose_gains(
@@ -124,11 +135,13 @@ def propose_gains(
     surface: Surface | None = None,
     q0: ArrayLike | None = None,
     spread: Spread | None = None,
+    limits: Limits | ArrayLike | None = None,
     duration: float = 5.0,
     accuracy: float = 1e-3,
     samples: int = 24,
     instants: int = 25,
     seed: int = 0,
+    backend: Backend = "pinocchio",
     on_tick: Callable[[int, int], None] | None = None,
 ) -> GainProposal:
     """Propose gains for an arm from what is not known about it.
@@ -146,19 +159,23 @@ def propose_gains(
         surface: Sliding surface; by default a fast terminal one with the smoothing that leaves the smallest error.
         q0: Initial configuration, shape (nq,); `arm.neutral` by default.
         spread: How far motions leave the trajectory; give the acceleration of pushes where the arm will be pushed.
+        limits: `Limits` of the actuators or an array-like of torque limits, such as `arm.effort_limit`: the motion has
+            to be possible within them on every plant, and the controller keeps them. None for none.
         duration: Length of the motion that counts, and of the simulations [s].
         accuracy: Error abs(e1) that is asked for once the reaching phase is over [rad or m].
         samples: Number of plants that the bounds are taken over, extremes first.
         instants: Number of instants along the trajectory.
         seed: Of everything random.
+        backend: Who computes the simulations; "compiled" is several times as fast once it is compiled, see `simulate`.
         on_tick: Called with (ticks done, ticks in all) of every simulation, for a progress bar.
 
     Returns:
         The proposal: yes with the numbers behind it, or no with the joint, the reason and the ways out.
 
     Raises:
-        GainError: A period, duration, accuracy or count that cannot be, or a surface that Theorem 1 does not cover.
-        DimensionError: A range, the surface or q0 is for another number of joints.
+        GainError: A period, duration, accuracy, limit or count that cannot be, or a surface that Theorem 1 does not
+            cover.
+        DimensionError: A range, the surface, a limit or q0 is for another number of joints.
         ModelError: The arm has no such payload frame.
     """
     if isinstance(surface, NonsingularTerminalSurface):
@@ -175,83 +192,25 @@ def propose_gains(
         instants=whole_number("instants", instants, 1),
         seed=whole_number("seed", seed),
         spread=Spread() if spread is None else spread,
+        limits=_checked_limits(limits, arm.nv),
+        backend=backend,
     )
     q0 = np.array(arm.neutral if q0 is None else arm.check_configuration("q0", q0))
     measured = measure_task(task)
     target = _usual_impedance() if impedance is None else impedance
-    found, certificate, worst = _checked(task, measured, target, q0, on_tick)
-    return _proposal(task, found, certificate, worst)
+    return _proposal(task, check(task, measured, target, q0, on_tick))
 
 
-def _checked(
-    task: Task,
-    measured: Measured,
-    impedance: Impedance,
-    q0: Array,
-    on_tick: Callable[[int, int], None] | None,
-) -> tuple[Design, Certificate | None, tuple[ExtremeCase, ...]]:
-    """Design gains, simulate the worst samples, and slow the scheme down where one of them chatters or diverges."""
-    slower, certificate = 1.0, None
-    worst: tuple[ExtremeCase, ...] = ()
-    for _ in range(_ROUNDS):
-        found = design(task, measured, slower=slower)
-        if np.isfinite(found.margin):
-            certificate = _certificate(task, found, q0)
-            found = _certified(task, found, certificate)
-        if found.joint is not None:
-            so_far = f"{worst[-1].reason}, and slower, " if worst else ""
-            found = replace(found, reason=so_far + found.reason)
-            break
-        worst = _until_failure(worst_cases(task, found, impedance, q0, on_tick))
-        failed = worst[-1]
-        if failed.joint is None:
-            break
-        found = replace(found, joint=failed.joint, reason=failed.reason)
-        if not failed.unstable:
-            break
-        slower *= _SLOWER
-    return found, certificate, worst
+def _checked_limits(limits: Limits | ArrayLike | None, nv: int) -> Limits | None:
+    limits = as_limits(limits)
+    if limits is not None:
+        for name, value in vars(limits).items():
+            per_joint(f"Limits.{name}", value, nv)
+    return limits
 
 
-def _until_failure(cases: Iterator[ExtremeCase]) -> tuple[ExtremeCase, ...]:
-    """The cases up to the first one that failed, that one included."""
-    seen = []
-    for case in cases:
-        seen.append(case)
-        if case.joint is not None:
-            break
-    return tuple(seen)
-
-
-def _certificate(task: Task, found: Design, q0: Array) -> Certificate:
-    """Theorem 1 for the gains that are left at the smallest input gain, from the start of the motion."""
-    mismatch, start = found.measured.mismatch, task.trajectory(0.0)
-    e1 = task.arm.unchecked.difference(q0, start.q)
-    return certify(
-        mismatch.gain_low * found.k1,
-        mismatch.gain_low * found.k2,
-        mismatch.disturbance_rate,
-        s0=found.surface.value(e1, np.asarray(start.v)),
-        disturbance0=mismatch.disturbance,
-        surface=found.surface,
-        e0=e1,
-    )
-
-
-def _certified(task: Task, found: Design, certificate: Certificate) -> Design:
-    """The design, refused where Theorem 1 does not hold."""
-    if certificate.feasible.all() or found.joint is not None:
-        return found
-    joint = int(np.argmin(certificate.feasible))
-    reason = (
-        f"joint '{task.arm.joint_names[joint]}' has no certificate: {certificate.reason[joint]}"
-    )
-    return replace(found, joint=joint, reason=reason)
-
-
-def _proposal(
-    task: Task, found: Design, certificate: Certificate | None, worst: tuple[ExtremeCase, ...]
-) -> GainProposal:
+def _proposal(task: Task, checked: Checked) -> GainProposal:
+    found, demand = checked.design, checked.demand
     feasible = found.joint is None
     margin = np.full(task.arm.nv, found.margin)
     for array in (found.k1, found.k2, margin):
@@ -260,7 +219,7 @@ def _proposal(
         feasible=feasible,
         reason=found.reason,
         joint=None if found.joint is None else task.arm.joint_names[found.joint],
-        ways_out=() if feasible else ways_out(task, found),
+        ways_out=checked.ways_out,
         nominal=task.arm,
         arm=found.measured.model,
         payload=found.measured.payload,
@@ -276,8 +235,10 @@ def _proposal(
         error=found.error,
         noise_error=found.noise_error,
         noise_torque=found.noise_torque,
-        certificate=certificate,
-        worst=worst,
+        certificate=checked.certificate,
+        worst=checked.worst,
+        limits=task.limits,
+        torque=demand,
     )
 
 

@@ -10,67 +10,13 @@ from numpy.typing import ArrayLike
 
 from .._arrays import Array, per_joint
 from .._frozen import set_fields
-from ..controller import Controller
 from ..dynamics import ArmModel
-from .imperfect import ImperfectController, whole_number
+from .imperfect import whole_number
+from .plant_sample import PlantSample, tilted, with_body
 from .ranges import box, constant_range, is_not_negative, is_positive, range_of, scalar_range, size
 
 CORNERS = 16
 """At most this many extremes are among the first samples."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class PlantSample:
-    """One arm that the uncertainty allows.
-
-    Attributes:
-        plant: The arm, for `simulate`.
-        payload: Mass at the tool [kg].
-        com: Its centre of mass in the payload frame's axes, shape (3,) [m].
-        inertia_scale: Factor on the links' masses and inertias.
-        viscous: Friction beyond the arm's own, shape (nv,) [N·m·s/rad or N·s/m].
-        coulomb: The same, shape (nv,) [N·m or N].
-        armature: Reflected rotor inertia, shape (nv,) [kg·m² or kg].
-        torque_constant: Torque that acts over torque that is asked for, shape (nv,).
-        tilt: Rotation of gravity about the world's x and y axes, shape (2,) [rad].
-        position_noise: Standard deviation [rad or m].
-        velocity_noise: Standard deviation [rad/s or m/s].
-        delay: Of the measurements [ticks].
-        seed: Of the noise.
-    """
-
-    plant: ArmModel
-    payload: float
-    com: Array
-    inertia_scale: float
-    viscous: Array
-    coulomb: Array
-    armature: Array
-    torque_constant: Array
-    tilt: Array
-    position_noise: float
-    velocity_noise: float
-    delay: int
-    seed: int
-
-    def around(self, controller: Controller[Any], *, noisy: bool = True) -> Controller[Any]:
-        """Return the controller behind this sample's sensors and actuators.
-
-        Args:
-            controller: Any controller; where the loop is perfect it comes back as it is.
-            noisy: False leaves the noise out; delay and torque constants stay.
-        """
-        noisy = noisy and (self.position_noise > 0.0 or self.velocity_noise > 0.0)
-        if not noisy and self.delay == 0 and (self.torque_constant == 1.0).all():
-            return controller
-        return ImperfectController(
-            controller,
-            position_noise=noisy * self.position_noise,
-            velocity_noise=noisy * self.velocity_noise,
-            delay=self.delay,
-            torque_constant=self.torque_constant,
-            seed=self.seed,
-        )
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -80,8 +26,11 @@ class Uncertainty:
     A range is a (lowest, highest) pair, or one number, which stands for all from "as modelled" to that number.
 
     Attributes:
-        payload: Point mass at the payload frame [kg], shape (2,).
+        payload: Mass at the payload frame [kg], shape (2,).
         payload_com: Its position in that frame's axes [m], shape (2, 3): one point, or the corners of a box.
+        payload_gyration: Its radius of gyration r about the centre of mass, equal about all axes, shape (2,) [m]: its
+            rotational inertia is mass·r². A point mass by default; a ball of radius R has 0.63·R, a cube of edge a
+            0.41·a, and for a body that is not as round the largest of its three is on the safe side.
         payload_frame: Frame of the payload; the tool frame by default.
         inertia_scale: Factor on all links' masses and inertias, shape (2,).
         viscous: Friction beyond what the arm's model has, shape (2,) or (2, nv) [N·m·s/rad or N·s/m].
@@ -101,6 +50,7 @@ class Uncertainty:
 
     payload: Array
     payload_com: Array
+    payload_gyration: Array
     payload_frame: str | None
     inertia_scale: Array
     viscous: Array
@@ -120,6 +70,7 @@ class Uncertainty:
         coulomb: ArrayLike = 0.0,
         *,
         payload_com: ArrayLike = (0.0, 0.0, 0.0),
+        payload_gyration: ArrayLike = 0.0,
         payload_frame: str | None = None,
         armature: ArrayLike | None = None,
         torque_constant: ArrayLike = 0.0,
@@ -132,6 +83,9 @@ class Uncertainty:
             self,
             payload=scalar_range("payload", payload, 0.0, is_not_negative),
             payload_com=box("payload_com", payload_com),
+            payload_gyration=scalar_range(
+                "payload_gyration", payload_gyration, 0.0, is_not_negative
+            ),
             payload_frame=payload_frame,
             inertia_scale=scalar_range("inertia_scale", inertia_scale, 1.0, is_positive),
             viscous=range_of("viscous", viscous, 0.0, is_not_negative),
@@ -199,7 +153,10 @@ class Uncertainty:
         }
         tilt = np.full(2, self.gravity_tilt / np.sqrt(2.0))
         return (
-            {"payload": self.payload[:, None], "inertia_scale": self.inertia_scale[:, None]}
+            {
+                name: getattr(self, name)[:, None]
+                for name in ("payload", "inertia_scale", "payload_gyration")
+            }
             | {
                 name: np.stack([per_joint(name, bound, arm.nv) for bound in range_])
                 for name, range_ in per_joints.items()
@@ -210,6 +167,7 @@ class Uncertainty:
     def _plant(self, arm: ArmModel, drawn: dict[str, Array], seed: int) -> PlantSample:
         """Build one plant from what was drawn; what equals the model leaves the model as it is."""
         payload, scale = float(drawn["payload"][0]), float(drawn["inertia_scale"][0])
+        gyration = float(drawn["payload_gyration"][0])
         plant = arm.with_scaled_inertia(scale) if scale != 1.0 else arm
         plant = plant.with_friction(
             arm.viscous + drawn["viscous"], arm.coulomb + drawn["coulomb"]
@@ -218,8 +176,9 @@ class Uncertainty:
             gravity = np.array(arm.unchecked.model.gravity.linear)
             plant = plant.with_gravity(tilted(gravity, drawn["tilt"]))
         return PlantSample(
-            plant=plant.with_payload(payload, drawn["com"], frame=self.payload_frame),
+            plant=with_body(plant, payload, drawn["com"], gyration, self.payload_frame),
             payload=payload,
+            gyration=gyration,
             inertia_scale=scale,
             **{k: drawn[k] for k in ("com", "viscous", "coulomb", "armature", "torque_constant")},
             tilt=drawn["tilt"],
@@ -228,20 +187,6 @@ class Uncertainty:
             delay=self.delay,
             seed=seed,
         )
-
-
-def tilted(gravity: Array, tilt: Array) -> Array:
-    """Return a vector turned about the world's axes x and y by two angles (Rodrigues' formula), shape (3,)."""
-    angle = float(np.linalg.norm(tilt))
-    if angle == 0.0:
-        return gravity.copy()
-    axis = np.array([tilt[0], tilt[1], 0.0]) / angle
-    turned: Array = (
-        np.cos(angle) * gravity
-        + np.sin(angle) * np.cross(axis, gravity)
-        + (1.0 - np.cos(angle)) * (axis @ gravity) * axis
-    )
-    return turned
 
 
 def _bit(i: int, k: int) -> float:

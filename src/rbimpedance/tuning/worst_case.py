@@ -12,12 +12,14 @@ from ..controller import ImpedanceController
 from ..dynamics import ArmModel
 from ..exceptions import DivergenceError
 from ..impedance import Impedance
+from ..limits import Limits
 from ..result import SimulationResult
-from ..simulation import simulate
+from ..simulation.single import simulate
 from ..super_twisting import SuperTwisting
 from ..trajectories import Trajectory
 from .gain_design import Design, Task
-from .uncertainty import PlantSample
+from .plant_sample import PlantSample
+from .torque_demand import TorqueDemand
 
 CHATTER_RATIO = 1.5
 """Torque that varies more than this times what the motion needs, and by 1 N·m/s more, chatters."""
@@ -26,6 +28,7 @@ NOISE_ERROR_RATIO = 30.0
 """A noisy loop whose error is more than this times what noise stands for has lost its bounds."""
 
 _LATE = 0.6  # share of the run after which errors and variations are taken
+_LATE_AT_LIMITS = 0.8  # the same with limits, at which the arm comes to its motion later
 _CHATTER_FLOOR = 1.0  # N·m/s
 _STRIDE = 10  # ticks between the instants at which the torque that a motion needs is taken
 
@@ -37,7 +40,7 @@ class ExtremeCase(NamedTuple):
         sample: The plant.
         noisy: Whether the sensors had the uncertainty's noise.
         result: The log, up to the divergence where there was one.
-        error: Largest true error abs(e1) over the last two fifths [rad or m].
+        error: Largest true error abs(e1) over the last two fifths; with limits over the last fifth [rad or m].
         variation: Variation of the torque over that time [N·m/s or N/s].
         needed: Variation that the motion itself needs [N·m/s or N/s].
         joint: Joint that failed, or None.
@@ -61,10 +64,14 @@ class ExtremeCase(NamedTuple):
         return true_error(self.sample.plant, self.result)
 
 
-def controller_for(design: Design, dt: float, impedance: Impedance) -> ImpedanceController:
+def controller_for(
+    design: Design, dt: float, impedance: Impedance, limits: Limits | None
+) -> ImpedanceController:
     """Return the controller with a design's model and gains."""
     reaching = SuperTwisting(design.k1, design.k2, "matched", design.margin)
-    return ImpedanceController(design.measured.model, impedance, design.surface, reaching, dt)
+    return ImpedanceController(
+        design.measured.model, impedance, design.surface, reaching, dt, limits=limits
+    )
 
 
 def worst_cases(
@@ -72,6 +79,7 @@ def worst_cases(
     design: Design,
     impedance: Impedance,
     q0: Array,
+    demand: TorqueDemand | None,
     on_tick: Callable[[int, int], None] | None = None,
 ) -> Iterator[ExtremeCase]:
     """Simulate the extreme samples without noise, and then with it.
@@ -81,9 +89,12 @@ def worst_cases(
         design: Gains with a finite margin.
         impedance: Target impedance.
         q0: Initial configuration, shape (nq,).
+        demand: What the motion asks of limited joints; the plants that bring one near its limits are simulated first.
         on_tick: Called with (ticks done, ticks in all) of every run.
     """
-    samples = [design.measured.samples[i] for i in design.measured.mismatch.extremes]
+    extremes = [design.measured.samples[i] for i in design.measured.mismatch.extremes]
+    strenuous = () if demand is None else demand.strenuous
+    samples = {id(sample): sample for sample in (*strenuous, *extremes)}.values()
     noisy = bool(design.noise_error.max() > 0.0)
     for with_noise in (False, True) if noisy else (False,):
         for sample in samples:
@@ -118,7 +129,7 @@ def _run(
     noisy: bool,
     on_tick: Callable[[int, int], None] | None,
 ) -> ExtremeCase:
-    controller = sample.around(controller_for(design, task.dt, impedance), noisy=noisy)
+    controller = sample.around(controller_for(design, task.dt, impedance, task.limits), noisy=noisy)
     ticks = max(round(task.duration / task.dt), 10)
     diverged = None
     try:
@@ -128,11 +139,12 @@ def _run(
             task.trajectory,
             q0=q0,
             duration=ticks * task.dt,
+            backend=task.backend,
             on_tick=on_tick,
         )
     except DivergenceError as failure:
         result, diverged = failure.result, failure
-    after = _LATE * ticks * task.dt
+    after = (_LATE if task.limits is None else _LATE_AT_LIMITS) * ticks * task.dt
     late = result.t >= after
     if diverged is not None:
         infinite = np.full(task.arm.nv, np.inf)
@@ -142,8 +154,20 @@ def _run(
     error = np.abs(true_error(sample.plant, result)[late]).max(axis=0)
     variation = result.metrics(after=after)["tau_variation"]
     needed = needed_variation(sample.plant, task.trajectory, result.t[late][::_STRIDE])
-    verdict = _verdict(task, design, noisy, error, variation, needed)
-    return ExtremeCase(sample, noisy, result, error, variation, needed, *verdict)
+    joint_failed, reason, unstable = _verdict(task, design, noisy, error, variation, needed)
+    if joint_failed is not None and result.saturated.any():
+        reason += _at_limits(task, result)
+    return ExtremeCase(
+        sample, noisy, result, error, variation, needed, joint_failed, reason, unstable
+    )
+
+
+def _at_limits(task: Task, result: SimulationResult) -> str:
+    """Which joints are at their torque limits, for how long."""
+    shares = result.saturated.mean(axis=0)
+    names = zip(task.arm.joint_names, shares, strict=True)
+    said = ", ".join(f"'{name}' for {share:.0%} of the time" for name, share in names if share)
+    return f"; at their limits: {said}"
 
 
 def _verdict(

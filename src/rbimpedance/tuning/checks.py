@@ -1,0 +1,135 @@
+"""What gains are put to before they are proposed: certificate, torque limits, and the worst samples in simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from .._arrays import Array
+from ..impedance import Impedance
+from ..stability import Certificate, certify
+from .gain_design import Design, Measured, Task, design
+from .torque_demand import Exertion, TorqueDemand
+from .torque_limits import demand_of, refused_for_torque, torque_ways_out, without_reserve
+from .ways_out import ways_out
+from .worst_case import ExtremeCase, worst_cases
+
+_SLOWER = 1.6  # the margin grows by this where a worst sample chatters or diverges
+_ROUNDS = 3
+
+
+class Checked(NamedTuple):
+    """A design, and what it was put to.
+
+    Attributes:
+        design: The gains; with a joint and a reason where they are refused.
+        certificate: Theorem 1 for the effective gains; None where the margin is infinite.
+        worst: The simulated worst samples.
+        demand: What the motion asks of the joints against their limits; None where there are none.
+        ways_out: What would help where they are refused.
+    """
+
+    design: Design
+    certificate: Certificate | None
+    worst: tuple[ExtremeCase, ...]
+    demand: TorqueDemand | None
+    ways_out: tuple[str, ...]
+
+
+def check(
+    task: Task,
+    measured: Measured,
+    impedance: Impedance,
+    q0: Array,
+    on_tick: Callable[[int, int], None] | None,
+) -> Checked:
+    """Design gains, simulate the worst samples, and slow the scheme down where one of them chatters or diverges.
+
+    Args:
+        task: What is asked for.
+        measured: Bounds over the samples.
+        impedance: Target impedance of the simulations.
+        q0: Initial configuration, shape (nq,).
+        on_tick: Called with (ticks done, ticks in all) of every simulation.
+    """
+    exertion = None if task.limits is None else _exertion(task, measured)
+    slower, certificate = 1.0, None
+    worst: tuple[ExtremeCase, ...] = ()
+    for _ in range(_ROUNDS):
+        found = design(task, measured, slower=slower)
+        if np.isfinite(found.margin):
+            certificate = _certificate(task, found, q0)
+            found = _certified(task, found, certificate)
+        demand = None if exertion is None else demand_of(task, exertion, found)
+        if demand is not None and not demand.feasible:
+            found = refused_for_torque(task, found, demand)
+        if found.joint is not None:
+            so_far = f"{worst[-1].reason}, and slower, " if worst else ""
+            found = replace(found, reason=so_far + found.reason)
+            break
+        worst = _until_failure(worst_cases(task, found, impedance, q0, demand, on_tick))
+        failed = worst[-1]
+        if failed.joint is None:
+            break
+        found = replace(found, joint=failed.joint, reason=failed.reason)
+        if demand is not None and not demand.with_reserve:
+            found = without_reserve(task, found, demand)
+        if not failed.unstable:
+            break
+        slower *= _SLOWER
+    ways = () if found.joint is None else _ways_out(task, exertion, found, demand)
+    return Checked(found, certificate, worst, demand, ways)
+
+
+def _exertion(task: Task, measured: Measured) -> Exertion:
+    """What the motion asks of every corner of the ranges, or of the samples, which begin with the corners."""
+    plants = max(measured.samples, task.uncertainty.extremes(task.arm), key=len)
+    return Exertion(plants, task.trajectory, task.duration)
+
+
+def _until_failure(cases: Iterator[ExtremeCase]) -> tuple[ExtremeCase, ...]:
+    """The cases up to the first one that failed, that one included."""
+    seen = []
+    for case in cases:
+        seen.append(case)
+        if case.joint is not None:
+            break
+    return tuple(seen)
+
+
+def _certificate(task: Task, found: Design, q0: Array) -> Certificate:
+    """Theorem 1 for the gains that are left at the smallest input gain, from the start of the motion."""
+    mismatch, start = found.measured.mismatch, task.trajectory(0.0)
+    e1 = task.arm.unchecked.difference(q0, start.q)
+    return certify(
+        mismatch.gain_low * found.k1,
+        mismatch.gain_low * found.k2,
+        mismatch.disturbance_rate,
+        s0=found.surface.value(e1, np.asarray(start.v)),
+        disturbance0=mismatch.disturbance,
+        surface=found.surface,
+        e0=e1,
+    )
+
+
+def _certified(task: Task, found: Design, certificate: Certificate) -> Design:
+    """The design, refused where Theorem 1 does not hold."""
+    if certificate.feasible.all() or found.joint is not None:
+        return found
+    joint = int(np.argmin(certificate.feasible))
+    reason = (
+        f"joint '{task.arm.joint_names[joint]}' has no certificate: {certificate.reason[joint]}"
+    )
+    return replace(found, joint=joint, reason=reason)
+
+
+def _ways_out(
+    task: Task, exertion: Exertion | None, found: Design, demand: TorqueDemand | None
+) -> tuple[str, ...]:
+    """What would help: with the actuators where they are what is lacking, else with the bounds."""
+    if exertion is not None and demand is not None and not demand.with_reserve:
+        return torque_ways_out(task, found, exertion, demand)
+    return ways_out(task, found)

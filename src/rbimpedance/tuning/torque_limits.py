@@ -1,0 +1,165 @@
+"""Gains against the actuators' limits: the joint that lacks torque, how much, and what would mend it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from ..limits import Limits
+from .gain_design import Design, Task, design, measure_task
+from .torque_demand import Exertion, TorqueDemand, slowed
+
+_SLOWEST = 100.0  # factor on the motion's time beyond which slower is no way out
+_DIGITS = 3
+_BISECTIONS = 24
+
+
+def demand_of(task: Task, exertion: Exertion, found: Design, slower: float = 1.0) -> TorqueDemand:
+    """Return what a task asks of the joints with the gains of a design.
+
+    Args:
+        task: What is asked for, with limits.
+        exertion: The torques of its motion.
+        found: Gains; their noise torque joins the reserve.
+        slower: Factor on the motion's time.
+    """
+    return exertion.demand(
+        _limits(task), push=task.spread.acceleration, noise=found.noise_torque, slower=slower
+    )
+
+
+def refused_for_torque(task: Task, found: Design, demand: TorqueDemand) -> Design:
+    """Return the design with the joint that lacks most for its limits, and what all of them lack."""
+    joint = int(np.argmax(demand.share))
+    others = [
+        f"'{name}' {_figure(lack)} N·m"
+        for i, (name, lack) in enumerate(zip(task.arm.joint_names, demand.lack, strict=True))
+        if lack > 0.0 and i != joint
+    ]
+    also = f" (others lack, too: {', '.join(others)})" if others else ""
+    return replace(found, joint=joint, reason=_reason(task, demand, joint) + also)
+
+
+def torque_ways_out(
+    task: Task, found: Design, exertion: Exertion, demand: TorqueDemand
+) -> tuple[str, ...]:
+    """Return how much slower or lighter the task would have to be, and what the joints would have to give.
+
+    With each of them the limits leave the reserve, too. The first two are then tried on the bounds for the gains,
+    without simulation.
+
+    Args:
+        task: What was asked for.
+        found: The design that the limits do not allow.
+        exertion: The torques of the task's motion.
+        demand: What is lacking.
+    """
+    ways = (_slower(task, found, exertion), _lighter(task, found), _stronger(task, demand))
+    return tuple(way for way in ways if way is not None)
+
+
+def _reason(task: Task, demand: TorqueDemand, joint: int) -> str:
+    name, sample = task.arm.joint_names[joint], demand.plants[joint]
+    plant = f"with a payload of {sample.payload:.3g} kg and links {sample.inertia_scale:.3g} times as heavy"
+    if demand.lack[joint] <= 0.0:
+        needed, limit = demand.rate_needed[joint], demand.rate_limit[joint]
+        return (
+            f"the torque of joint '{name}' has to change by {_figure(needed)} N·m/s {plant}; its limit is "
+            f"{_figure(limit)} N·m/s: it lacks {_figure(demand.rate_lack[joint])} N·m/s"
+        )
+    return (
+        f"joint '{name}' needs {_figure(demand.needed[joint])} N·m {plant} at t = {demand.time[joint]:.3g} s; its "
+        f"limit is {_figure(demand.limit[joint])} N·m: it lacks {_figure(demand.lack[joint])} N·m"
+    )
+
+
+def without_reserve(task: Task, found: Design, demand: TorqueDemand) -> Design:
+    """Add what its limit leaves the tightest joint to the reason of a design that does not converge."""
+    left = demand.limit - demand.needed
+    joint = int(np.argmin(left / demand.reserve))
+    told = (
+        f"; the motion leaves joint '{task.arm.joint_names[joint]}' {_figure(left[joint])} of "
+        f"{_figure(demand.limit[joint])} N·m, where {_figure(demand.reserve[joint])} N·m are wanted to converge"
+    )
+    return replace(found, reason=found.reason + told)
+
+
+def _slower(task: Task, found: Design, exertion: Exertion) -> str | None:
+    """The smallest factor on the motion's time that the limits allow."""
+
+    def enough(factor: float) -> bool:
+        return demand_of(task, exertion, found, factor).with_reserve
+
+    if not enough(_SLOWEST):
+        return None
+    factor = _rounded(_border(enough, _SLOWEST, 1.0), up=True)
+    way = replace(task, trajectory=slowed(task.trajectory, factor))
+    return f"a motion {factor:g} times slower: {_verdict(way)}"
+
+
+def _lighter(task: Task, found: Design) -> str | None:
+    """The largest payload that the limits allow."""
+    low, high = task.uncertainty.payload.tolist()
+
+    def at_most(payload: float) -> Task:
+        range_ = (min(low, payload), payload)
+        return replace(task, uncertainty=task.uncertainty.but(payload=range_))
+
+    def enough(payload: float) -> bool:
+        way = at_most(payload)
+        corners = way.uncertainty.extremes(way.arm)
+        exertion = Exertion(corners, way.trajectory, way.duration)
+        return demand_of(way, exertion, found).with_reserve
+
+    if high == 0.0 or not enough(0.0):
+        return None
+    payload = _rounded(_border(enough, 0.0, high), up=False)
+    return f"a payload of {payload:g} kg at most: {_verdict(at_most(payload))}"
+
+
+def _stronger(task: Task, demand: TorqueDemand) -> str:
+    """What the joints that lack something would have to give."""
+    parts = list(_missing(task, demand))
+    return f"actuators with {', '.join(parts)}"
+
+
+def _missing(task: Task, demand: TorqueDemand) -> Iterator[str]:
+    for i, name in enumerate(task.arm.joint_names):
+        if demand.needed[i] + demand.reserve[i] > demand.limit[i]:
+            torque = _rounded(float(demand.needed[i] + demand.reserve[i]), up=True)
+            yield f"{torque:g} N·m on '{name}'"
+        if demand.rate_lack[i] > 0.0:
+            rate = _rounded(float(demand.rate_needed[i]), up=True)
+            yield f"{rate:g} N·m/s on '{name}'"
+
+
+def _verdict(way: Task) -> str:
+    """Whether the bounds then allow gains."""
+    found = design(way, measure_task(way))
+    return "enough by the bounds" if found.joint is None else f"enough torque, but {found.reason}"
+
+
+def _border(enough: Callable[[float], bool], good: float, bad: float) -> float:
+    """The number next to `bad` that is enough, by bisection from one that is."""
+    for _ in range(_BISECTIONS):
+        middle = (good + bad) / 2.0
+        good, bad = (middle, bad) if enough(middle) else (good, middle)
+    return good
+
+
+def _rounded(value: float, *, up: bool) -> float:
+    """A number rounded to a few digits, towards the safe side."""
+    if value == 0.0:
+        return 0.0
+    unit = 10.0 ** (np.floor(np.log10(value)) - _DIGITS + 1)
+    return float(unit * (np.ceil(value / unit) if up else np.floor(value / unit)))
+
+
+def _limits(task: Task) -> Limits:
+    return Limits() if task.limits is None else task.limits
+
+
+def _figure(value: float) -> str:
+    return f"{value:.{_DIGITS}g}"
