@@ -1,0 +1,1 @@
+"""What the control loop costs: `rbimpedance bench` and the figures of docs/benchmarks.md."""
