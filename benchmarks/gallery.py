@@ -1,4 +1,7 @@
-"""Every figure of the library, as PNG and PDF, and a contact sheet of them: python benchmarks/gallery.py [FOLDER]."""
+"""Every figure of the library as PNG and PDF, a contact sheet of them and of the docs', and an animation in one file.
+
+python benchmarks/gallery.py [FOLDER]
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,8 @@ from matplotlib.image import imread
 
 import rbimpedance as rbi
 from rbimpedance import plotting, scenarios
+
+PICTURES_OF_THE_DOCS = Path(__file__).parents[1] / "docs" / "figures"
 
 
 def left_after_two_seconds(payload: float, k1: float) -> float:
@@ -43,7 +48,8 @@ def figures() -> Mapping[str, Figure]:
     certificate = rbi.certify(
         8.0, 10.0, 0.5, s0=[4.0, 4.0], disturbance0=0.0, surface=surface, e0=0.7
     )
-    observed = rbi.observe(published, arm, rbi.SuperTwisting(60.0, 200.0))
+    loaded = replace(scenario, plant=scenario.plant.with_payload(0.3)).simulate()
+    observed = rbi.observe(loaded, arm, rbi.SuperTwisting(60.0, 200.0))
     payloads, gains = [0.0, 1.0, 2.0, 4.0], [5.0, 10.0, 20.0, 40.0]
     errors = [[left_after_two_seconds(m, k1) for k1 in gains] for m in payloads]
     return {
@@ -51,6 +57,9 @@ def figures() -> Mapping[str, Figure]:
         "impedance_error": plotting.impedance_error(published),
         "torques": plotting.torques(published),
         "comparison": plotting.comparison({"as published": published, "mended": mended}),
+        "error_sizes": plotting.error_sizes(
+            {"as published": (published.t, published.e1), "mended": (mended.t, mended.e1)}
+        ),
         "convergence": plotting.convergence(mended, certificate),
         "torque_margins": plotting.torque_margins(mended, 60.0),
         "chatter_spectrum": plotting.chatter_spectrum({"published": published, "mended": mended}),
@@ -59,8 +68,25 @@ def figures() -> Mapping[str, Figure]:
             payloads, gains, errors, labels=("payload [kg]", "gain k1", "abs(e1) [rad]")
         ),
         "interaction_energy": plotting.interaction_energy(mended, rbi.energy_balance(mended, arm)),
-        "disturbance": plotting.disturbance(published, observed),
+        "disturbance": plotting.disturbance(loaded, observed),
     }
+
+
+def push() -> rbi.Viewer:
+    """A panda with 1.5 kg that its controller does not know of, pushed and turned at the hand."""
+    arm = rbi.load_robot("panda", lock=("panda_finger_joint1", "panda_finger_joint2"), armature=0.1)
+    controller = rbi.ImpedanceController(
+        arm,
+        rbi.Impedance(mass=1.0, damping=10.0, stiffness=20.0),
+        rbi.FastTerminalSurface(rate=2.0, gamma=3.0, exponent=0.6),
+        rbi.SuperTwisting(k1=50.0, k2=500.0),
+        dt=1e-3,
+    )
+    q0 = [0.0, -0.6, 0.0, -2.2, 0.0, 1.7, 0.8]
+    hold = rbi.trajectories.hold(arm, q0)
+    hand = rbi.Push([0, 20, 0, 0, 0, 4], start=0.5, duration=1.0)
+    result = rbi.simulate(controller, arm.with_payload(1.5), hold, wrench=hand, q0=q0, duration=3.0)
+    return result.animate(wrench=hand)
 
 
 def contact_sheet(paths: list[Path]) -> Figure:
@@ -84,7 +110,9 @@ def main() -> None:
     for name, figure in drawn.items():
         plotting.save(figure, folder / f"{name}.pdf")
     pictures = [plotting.save(figure, folder / f"{name}.png") for name, figure in drawn.items()]
-    print(plotting.save(contact_sheet(pictures), folder / "contact_sheet.png"))
+    sheet = contact_sheet([*pictures, *sorted(PICTURES_OF_THE_DOCS.glob("*.png"))])
+    print(plotting.save(sheet, folder / "contact_sheet.png"))
+    print(push().save_html(folder / "push.html"))
 
 
 if __name__ == "__main__":

@@ -114,6 +114,10 @@ class Browser:
 
     def show(self, url: str) -> None:
         """Open a page of the viewer, and wait until it is drawn."""
+        self._call(
+            "Page.navigate", url="about:blank"
+        )  # what the page before still logs is not ours
+        self.wait_for("document.URL === 'about:blank'")
         self.errors.clear()
         self.requests.clear()
         self._call("Page.navigate", url=url)

@@ -24,7 +24,7 @@ from rbimpedance.interaction import FrameWrench, Sum
 from rbimpedance.viewing.drawing import Drawing
 from rbimpedance.viewing.meshes import CompactMesh, read_mesh, thinned
 from rbimpedance.viewing.shapes import look_of
-from rbimpedance.visualization import MOST_FRAMES, animate
+from rbimpedance.visualization import MOST_FRAMES, _at_tool, animate
 
 from .arms import LIMIT, mimic_urdf, spinner_urdf, urdf, urdf_joint, urdf_link
 from .runs import swung
@@ -244,20 +244,30 @@ def test_force_on_the_tool_is_found_from_the_logged_torque(panda: ArmModel) -> N
     result = swung(panda, force=force)
     header, arrays = scene_of(result.animate().html())
     count = header["frames"]["count"]
-    forces = numbers(header["frames"]["forces"], arrays).reshape(count, 6)
-    np.testing.assert_allclose(forces[:, 3:], np.tile(force, (count, 1)), rtol=1e-4)
+    wrenches = numbers(header["frames"]["wrenches"], arrays).reshape(count, 9)
+    np.testing.assert_allclose(wrenches[:, 3:6], np.tile(force, (count, 1)), rtol=1e-4)
+    assert not wrenches[:, 6:].any()
     _, tool = panda.frame_placement(result.q[0])
-    np.testing.assert_allclose(forces[0, :3], tool, atol=1e-6)
+    np.testing.assert_allclose(wrenches[0, :3], tool, atol=1e-6)
 
 
-def test_forces_that_are_given_act_at_their_frames_and_walls_are_surfaces(panda: ArmModel) -> None:
+def test_moment_on_the_tool_is_found_from_the_logged_torque(panda: ArmModel) -> None:
+    q = panda.integrate(panda.neutral, np.full(panda.nv, 0.3))
+    wrench = np.array([5.0, -3.0, 8.0, 0.5, 2.0, -1.0])
+    found = _at_tool(panda, q, panda.external_torque(q, wrench))
+    np.testing.assert_allclose(found[0, 3:], wrench, rtol=1e-6)
+
+
+def test_wrenches_that_are_given_act_at_their_frames_and_walls_are_surfaces(
+    panda: ArmModel,
+) -> None:
     wall = rbi.Wall(point=[1.0, 5.0, 7.0], normal=[2.0, 0.0, 0.0], stiffness=1e3)
-    push = FrameWrench([0, 0, 9, 0, 0, 0], frame="panda_link4")
+    push = FrameWrench([0, 0, 9, 0, 3, 0], frame="panda_link4")
     header, arrays = scene_of(swung(panda).animate(wrench=Sum(push, wall)).html())
-    forces = numbers(header["now"]["forces"], arrays).reshape(2, 6)
-    np.testing.assert_allclose(forces[0, 3:], [0, 0, 9])
+    wrenches = numbers(header["now"]["wrenches"], arrays).reshape(2, 9)
+    np.testing.assert_allclose(wrenches[0, 3:], [0, 0, 9, 0, 3, 0])
     np.testing.assert_allclose(
-        forces[0, :3], panda.frame_placement(swung(panda).q[0], "panda_link4")[1], atol=1e-6
+        wrenches[0, :3], panda.frame_placement(swung(panda).q[0], "panda_link4")[1], atol=1e-6
     )
     (surface,) = header["surfaces"]
     assert surface["normal"] == [1.0, 0.0, 0.0]
@@ -266,7 +276,7 @@ def test_forces_that_are_given_act_at_their_frames_and_walls_are_surfaces(panda:
 
 def test_free_motion_has_no_arrow(two_link: ArmModel) -> None:
     header, _ = scene_of(swung(two_link).animate().html())
-    assert header["now"]["forces"]["start"] == header["now"]["forces"]["end"]
+    assert header["now"]["wrenches"]["start"] == header["now"]["wrenches"]["end"]
 
 
 def test_long_run_is_thinned_out_in_time(two_link: ArmModel) -> None:
@@ -357,7 +367,7 @@ def test_page_is_served_on_the_loopback_address_only(two_link: ArmModel) -> None
     with view(two_link) as viewer:
         answer = get(viewer.url)
         assert answer.status == 200
-        assert scene_of(answer.read().decode())[0]["live"] is True
+        assert scene_of(answer.read().decode())[0]["live"] == 1
         port = int(viewer.url.split(":")[2].strip("/"))
         with pytest.raises(
             OSError, match=r"refused|assign|timed out"
@@ -388,7 +398,7 @@ def test_port_is_free_again_after_close_and_taken_before(two_link: ArmModel) -> 
 
 def test_display_tells_the_page_where_the_shapes_are(two_link: ArmModel) -> None:
     with view(two_link) as viewer:
-        events = get(viewer.url, "/events")
+        events = get(viewer.url, "/events?1")
         viewer.display([0.3, 0.5])
         news = events.readline()
         poses = json.loads(news.removeprefix(b"data: "))["arm"]
@@ -397,13 +407,26 @@ def test_display_tells_the_page_where_the_shapes_are(two_link: ArmModel) -> None
         events.close()
 
 
+def test_page_that_missed_news_while_it_was_loading_is_told_at_once(two_link: ArmModel) -> None:
+    with view(two_link) as viewer:
+        known = scene_of(get(viewer.url).read().decode())[0]["live"]
+        viewer.display([0.3, 0.5])
+        with get(viewer.url, f"/events?{known}") as events:
+            assert events.readline().startswith(b'data: {"arm"')
+        known = scene_of(get(viewer.url).read().decode())[0]["live"]
+        viewer.display([0.3, 0.6])
+        viewer.display([0.3, 0.6], q_r=[0.0, 0.0])
+        with get(viewer.url, f"/events?{known}") as events:
+            assert json.loads(events.readline().removeprefix(b"data: ")) == {"reload": True}
+
+
 def test_display_does_not_wait_for_a_browser_that_does_not_read(panda: ArmModel) -> None:
     step = np.full(panda.nv, 0.01)
     with view(panda) as viewer:
         host, port = viewer.url.split("/")[2].split(":")
         with socket.create_connection((host, int(port))) as deaf:
             deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1024)
-            deaf.sendall(f"GET /events HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode())
+            deaf.sendall(f"GET /events?1 HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode())
             for share in np.linspace(0.0, 1.0, 2000):
                 viewer.display(panda.integrate(panda.neutral, share * step))
         viewer.display(panda.neutral)

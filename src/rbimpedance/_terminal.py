@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from rich.cells import cell_len
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
+from rich.table import Column, Table
+from rich.text import Text
 
 _REFRESH_TICKS = 100
+_LONGEST_CELL = 40  # characters, beyond which a cell may be wrapped
+_FRAME = 3  # characters of a column's padding and border
 
 stdout = Console()
 """For results; colours only on a terminal and never against NO_COLOR."""
@@ -25,10 +29,11 @@ stderr = Console(stderr=True)
 
 @contextmanager
 def progress(title: str, *, quiet: bool) -> Iterator[Callable[[int, int], None]]:
-    """Show a progress bar with the time left on stderr; yields a callback (done, total)."""
+    """Show a progress bar with the time left on stderr, where that is a terminal; yields a callback (done, total)."""
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=stderr, transient=True, disable=quiet) as bar:
-        task = bar.add_task(title, total=None)
+    hidden = quiet or not stderr.is_terminal
+    with Progress(*columns, console=stderr, transient=True, disable=hidden) as bar:
+        task = bar.add_task(escape(title), total=None)
 
         def update(done: int, total: int) -> None:
             if done % _REFRESH_TICKS == 0 or done == total:
@@ -38,20 +43,53 @@ def progress(title: str, *, quiet: bool) -> Iterator[Callable[[int, int], None]]
 
 
 def table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
-    """Build a table: the first column to the left, figures to the right."""
-    built = Table(title=escape(title), title_justify="left")
+    """Build a table: the first column to the left, figures to the right; headers wrap, figures and names never."""
+    built = Table(title=escape(title))
     for i, name in enumerate(header):
-        built.add_column(escape(name), justify="left" if i == 0 else "right", no_wrap=i > 0)
+        cells = max((cell_len(row[i]) for row in rows), default=0)
+        width = min(cells, _LONGEST_CELL)
+        built.add_column(escape(name), justify="left" if i == 0 else "right", min_width=width)
     for row in rows:
         built.add_row(*(escape(cell) for cell in row))
     return built
 
 
 def print_table(built: Table) -> None:
-    """Print a table; where stdout is no terminal it takes the width that it needs."""
-    if not sys.stdout.isatty():
-        stdout.width = max(stdout.width, 200)
-    stdout.print(built)
+    """Print a table. In a terminal that is too narrow it goes on below itself, with its first column again."""
+    stdout.print(f"[bold]{built.title}[/bold]", soft_wrap=True, highlight=False)
+    if not stdout.is_terminal:
+        stdout.width = max(stdout.width, sum(map(_widest, built.columns)) + 1)
+    room = stdout.width
+    first, *rest = built.columns
+    while rest:
+        count = _count_that_fit(rest, room - _needed(first))
+        columns, rest = [first, *rest[:count]], rest[count:]
+        size = _widest if sum(map(_widest, columns)) < room else _needed
+        part = Table()
+        part.columns = [
+            replace(column, _index=i, width=size(column) - _FRAME)
+            for i, column in enumerate(columns)
+        ]
+        part.rows = built.rows
+        stdout.print(part)
+
+
+def _count_that_fit(columns: Sequence[Column], room: int) -> int:
+    """How many of the columns fit into a width, at least one."""
+    ends = np.cumsum([_needed(column) for column in columns])
+    return max(1, int(np.searchsorted(ends, room - 1, side="right")))
+
+
+def _needed(column: Column) -> int:
+    """Width of a column whose header is wrapped, with its frame."""
+    words = Text.from_markup(str(column.header)).plain.split()
+    return max(column.min_width or 0, *map(cell_len, words), 0, 0) + _FRAME
+
+
+def _widest(column: Column) -> int:
+    """Width of a column of which nothing is wrapped, with its frame."""
+    texts = [column.header, *column.cells]
+    return max(cell_len(Text.from_markup(str(text)).plain) for text in texts) + _FRAME
 
 
 def print_json(data: Mapping[str, Any]) -> None:

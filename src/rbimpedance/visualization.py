@@ -6,6 +6,7 @@ nothing: a server on this machine's loopback address runs from the first look at
 
 from __future__ import annotations
 
+import errno
 import html
 import os
 import warnings
@@ -30,6 +31,9 @@ from .viewing.server import Server
 
 MOST_FRAMES = 1200
 """Frames of an animation at most: longer runs show fewer of them a second."""
+
+UNEXPLAINED = 0.02
+"""Share of a logged torque that a force at the tool may leave unexplained before a moment is drawn as well."""
 
 Environment = Interaction | ArrayLike | TimeFunction
 
@@ -83,7 +87,7 @@ class Viewer:
             GainError: The port that was asked for is not free.
         """
         if self._server is None:
-            self._server = Server(lambda: self.html(live=True), self._port)
+            self._server = Server(lambda known: self.html(live=known), self._port)
         return self._server.url
 
     def open(self) -> Viewer:
@@ -121,8 +125,8 @@ class Viewer:
         poses = {"arm": self._drawing.poses(frame.q).ravel().tolist()}
         if frame.q_r is not None:
             poses["ghost"] = self._drawing.poses(frame.q_r).ravel().tolist()
-        forces = [] if frame.forces is None else frame.forces.ravel().tolist()
-        self._server.tell({**poses, "forces": forces, "surfaces": list(frame.travel)})
+        wrenches = [] if frame.wrenches is None else frame.wrenches.ravel().tolist()
+        self._server.tell({**poses, "wrenches": wrenches, "surfaces": list(frame.travel)})
 
     def close(self) -> None:
         """Stop the server and free its port; the viewer can still write files."""
@@ -132,11 +136,12 @@ class Viewer:
 
     # --- as a file ----------------------------------------------------------------------------------------------
 
-    def html(self, *, live: bool = False) -> str:
+    def html(self, *, live: int = 0) -> str:
         """Return the page as one text that loads nothing from anywhere.
 
         Args:
-            live: The page listens for news from the server that it came from.
+            live: Number of the latest news that this page knows of, for a page that listens to the server that it came
+                from; 0 for one that does not.
         """
         return page(scene(self._drawing, self._frames, live=live, **self._settings))
 
@@ -148,8 +153,13 @@ class Viewer:
 
         Returns:
             The path that was written.
+
+        Raises:
+            OSError: It cannot be written there.
         """
         target = Path(path)
+        if not target.parent.is_dir():
+            raise FileNotFoundError(errno.ENOENT, "no such folder", str(target.parent))
         part = target.with_name(f"{target.name}.{uuid4().hex}.part")
         try:
             part.write_text(self.html(), encoding="utf-8")
@@ -210,14 +220,14 @@ def animate(
     open: bool = False,
     port: int = 0,
 ) -> Viewer:
-    """Show a result: the arm, its reference as a ghost, the force on it, the path of its tool.
+    """Show a result: the arm, its reference as a ghost, force and moment on it, the path of its tool.
 
     Args:
         result: The result.
         robot: The arm, or anything that `load_robot` takes. Without it, the simulated arm; a result from a file says
             which robot that was, where it had a name or a path.
-        wrench: What `simulate` was given: its forces are drawn where they act, its walls as surfaces. Without it, the
-            force at the tool that comes closest to the logged tau_ext.
+        wrench: What `simulate` was given: its wrenches are drawn where they act, its walls as surfaces. Without it,
+            the force at the tool, or where none does the wrench, that gives the logged tau_ext.
         fps: Frames per second of the run.
         open: Open the system's browser.
         port: Port on 127.0.0.1 for the page; 0 for any that is free.
@@ -267,7 +277,9 @@ def _still(arm: ArmModel, q: ArrayLike, q_r: ArrayLike | None, wrench: Environme
     return Frame(
         q=q,
         q_r=None if q_r is None else arm.check_configuration("q_r", q_r),
-        forces=None if environment is None else _forces(arm, environment, 0.0, q, np.zeros(arm.nv)),
+        wrenches=None
+        if environment is None
+        else _wrenches(arm, environment, 0.0, q, np.zeros(arm.nv)),
         travel=_travel(environment, 0.0),
     )
 
@@ -283,26 +295,30 @@ def _moment(
     """The picture at sample k of a result."""
     q, t = result.q[k], float(result.t[k])
     if environment is not None:
-        forces = _forces(arm, environment, t, q, result.v[k])
+        wrenches = _wrenches(arm, environment, t, q, result.v[k])
     else:
-        forces = _force_at_tool(arm, q, result.tau_ext[k]) if has_force else np.zeros((0, 6))
+        wrenches = _at_tool(arm, q, result.tau_ext[k]) if has_force else np.zeros((0, 9))
     _, tool = arm.frame_placement(q)
-    return Frame(q, result.q_r[k], forces, _travel(environment, t), tool)
+    return Frame(q, result.q_r[k], wrenches, _travel(environment, t), tool)
 
 
-def _forces(arm: ArmModel, environment: Interaction, t: float, q: Array, v: Array) -> Array:
-    """Where the environment acts and with which force, shape (n, 6)."""
+def _wrenches(arm: ArmModel, environment: Interaction, t: float, q: Array, v: Array) -> Array:
+    """Where the environment acts and with which force and moment, shape (n, 9)."""
     if not isinstance(environment, FrameInteraction):
-        return np.zeros((0, 6))
+        return np.zeros((0, 9))
     acting = environment.wrenches(arm, t, q, v)
-    rows = [[*arm.frame_placement(q, frame)[1], *wrench[:3]] for frame, wrench in acting]
-    return np.array(rows).reshape(-1, 6)
+    rows = [[*arm.frame_placement(q, frame)[1], *wrench] for frame, wrench in acting]
+    return np.array(rows).reshape(-1, 9)
 
 
-def _force_at_tool(arm: ArmModel, q: Array, tau_ext: Array) -> Array:
-    """The smallest force at the tool whose joint torque comes closest to tau_ext, shape (1, 6)."""
-    force, *_ = np.linalg.lstsq(arm.jacobian(q)[:3].T, tau_ext, rcond=1e-3)
-    return np.array([[*arm.frame_placement(q)[1], *force]])
+def _at_tool(arm: ArmModel, q: Array, tau_ext: Array) -> Array:
+    """The smallest force at the tool that gives tau_ext, or wrench where no force does, shape (1, 9)."""
+    J = arm.jacobian(q)
+    force, *_ = np.linalg.lstsq(J[:3].T, tau_ext, rcond=1e-3)
+    wrench = np.append(force, np.zeros(3))
+    if np.linalg.norm(J.T @ wrench - tau_ext) > UNEXPLAINED * np.linalg.norm(tau_ext):
+        wrench, *_ = np.linalg.lstsq(J.T, tau_ext, rcond=1e-3)
+    return np.array([[*arm.frame_placement(q)[1], *wrench]])
 
 
 def _walls(environment: object) -> list[Any]:
@@ -324,7 +340,7 @@ def _kind(frame: Frame) -> tuple[bool, int, int]:
     """What a page must be built anew for."""
     return (
         frame.q_r is not None,
-        0 if frame.forces is None else len(frame.forces),
+        0 if frame.wrenches is None else len(frame.wrenches),
         len(frame.travel),
     )
 

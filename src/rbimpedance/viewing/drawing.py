@@ -101,6 +101,13 @@ class Drawing:
         ]
         return np.concatenate(placed)
 
+    def shadow(self, poses: Array, direction: Array) -> float:
+        """Area that the shapes' boxes cover, each for itself, seen along a unit vector [m²]."""
+        x, y, z = np.ptp(self._boxes, axis=1).T
+        turns = np.array([pin.XYZQUATToSE3(pose).rotation for pose in poses])
+        faces = np.stack([y * z, z * x, x * y], axis=1)
+        return float((abs(np.einsum("nij,i->nj", turns, direction)) * faces).sum())
+
 
 def _corners(box: Array) -> Array:
     """The eight corners of a box given by two opposite ones, shape (8, 3)."""

@@ -1,10 +1,9 @@
 "use strict";
-// Draws the scene that the page carries: an arm, its reference, the force on it, the path of its tool.
+// Draws the scene that the page carries: an arm, its reference, the wrenches on it, the path of its tool.
 // Poses are [x, y, z, qx, qy, qz, qw] in the world, z up. `window.player` is what tests and embedding pages talk to.
 
-const COLORS = { ghost: 0x0072b2, force: 0xd55e00, trace: 0x009e73, surface: 0xcc79a7 };
+const COLORS = { ghost: 0x0072b2, force: 0xd55e00, moment: 0xd55e00, trace: 0x009e73, surface: 0xcc79a7 };
 const FIELD_OF_VIEW = 32; // degrees, upright
-const VIEW_FROM = [0.24, -1.0, 0.6]; // world, z up
 const MARGIN = 0.025; // of the page, on every side
 const BAR = 50; // pixels below the picture that the controls take
 
@@ -33,7 +32,7 @@ class Player {
     this.speed = 1;
     this.playing = false;
     this.groups = { arm: new THREE.Group(), ghost: new THREE.Group(), force: new THREE.Group(),
-      trace: new THREE.Group(), surface: new THREE.Group() };
+      moment: new THREE.Group(), trace: new THREE.Group(), surface: new THREE.Group() };
     for (const [name, group] of Object.entries(this.groups)) {
       group.name = name;
       this.root.add(group);
@@ -41,7 +40,7 @@ class Player {
     this.setTheStage();
     this.buildArm();
     this.buildGhost();
-    this.buildForces();
+    this.buildWrenches();
     this.buildTrace();
     this.buildSurfaces();
     this.frameTheArm();
@@ -127,11 +126,27 @@ class Player {
     });
   }
 
-  buildForces() {
+  // A force is an arrow. A moment is one that turns about its axis by the right-hand rule.
+  buildWrenches() {
     const { THREE, scene, groups } = this;
     const material = new THREE.MeshPhongMaterial({ color: COLORS.force });
     const thick = 0.02 * scene.radius;
-    this.arrows = Array.from({ length: scene.now.forces.length / 6 }, () => {
+    const count = scene.now.wrenches.length / 9;
+    this.largest = { force: scene.arrows.force.largest, moment: scene.arrows.moment.largest };
+    this.curls = Array.from({ length: count }, () => {
+      const r = scene.arrows.moment.size;
+      const arc = 1.5 * Math.PI;
+      const curl = new THREE.Group();
+      const shaft = new THREE.Mesh(new THREE.TorusGeometry(r, 0.11 * r, 12, 48, arc), material);
+      const head = new THREE.Mesh(new THREE.ConeGeometry(0.28 * r, 0.6 * r, 24), material);
+      head.position.set(0.3 * r, -r, 0); // the arc ends at -y, on its way to +x
+      head.rotation.z = -Math.PI / 2;
+      shaft.castShadow = head.castShadow = true;
+      curl.add(shaft, head);
+      groups.moment.add(curl);
+      return curl;
+    });
+    this.arrows = Array.from({ length: count }, () => {
       const arrow = new THREE.Group();
       const shaft = new THREE.Mesh(new THREE.CylinderGeometry(thick, thick, 1, 16), material);
       const head = new THREE.Mesh(new THREE.ConeGeometry(2.4 * thick, 6 * thick, 24), material);
@@ -200,10 +215,28 @@ class Player {
     });
   }
 
-  point(arrow, force, at) {
+  // The share of the largest that a vector is; a live page learns what the largest is.
+  shareOf(kind, vector) {
+    const size = vector.length();
+    this.largest[kind] = Math.max(this.largest[kind], size);
+    return size > 0 ? size / this.largest[kind] : 0;
+  }
+
+  curl(curl, wrenches, at) {
+    const { THREE } = this;
+    const moment = new THREE.Vector3().fromArray(wrenches, at + 6);
+    const share = this.shareOf("moment", moment);
+    curl.visible = share > 0.02;
+    if (!curl.visible) return;
+    curl.scale.setScalar(share);
+    curl.position.fromArray(wrenches, at);
+    curl.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), moment.normalize());
+  }
+
+  point(arrow, wrenches, at) {
     const { THREE, scene } = this;
-    const vector = new THREE.Vector3().fromArray(force, at + 3).multiplyScalar(scene.metresPerNewton);
-    const length = vector.length();
+    const vector = new THREE.Vector3().fromArray(wrenches, at + 3);
+    const length = scene.arrows.force.size * this.shareOf("force", vector);
     arrow.visible = length > 1e-3 * scene.radius;
     if (!arrow.visible) return;
     const [shaft, head] = arrow.children;
@@ -212,15 +245,16 @@ class Player {
     head.position.y = length - tip / 2;
     shaft.scale.set(1, length - tip, 1);
     shaft.position.y = (length - tip) / 2;
-    arrow.position.fromArray(force, at);
+    arrow.position.fromArray(wrenches, at);
     arrow.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), vector.normalize());
   }
 
-  // now: {arm, ghost, forces, surfaces}, flat arrays
+  // now: {arm, ghost, wrenches, surfaces}, flat arrays
   show(now) {
     this.place(this.links, now.arm);
     if (now.ghost) this.place(this.ghosts, now.ghost);
-    this.arrows.forEach((arrow, i) => this.point(arrow, now.forces, 6 * i));
+    this.arrows.forEach((arrow, i) => this.point(arrow, now.wrenches, 9 * i));
+    this.curls.forEach((curl, i) => this.curl(curl, now.wrenches, 9 * i));
     this.surfaces.forEach((plane, i) => plane.position.copy(plane.home).addScaledVector(plane.normal, now.surfaces[i]));
     this.viewer.set_dirty();
   }
@@ -254,7 +288,7 @@ class Player {
     this.show({
       arm: this.posesBetween(frames.arm, n, k, share),
       ghost: frames.ghost && this.posesBetween(frames.ghost, n, k, share),
-      forces: this.between(frames.forces, 6 * this.arrows.length, k, share),
+      wrenches: this.between(frames.wrenches, 9 * this.arrows.length, k, share),
       surfaces: this.between(frames.surfaces, this.surfaces.length, k, share),
     });
     if (this.past) {
@@ -310,7 +344,7 @@ class Player {
     const side = t * (w / h) * (1 - 2 * MARGIN);
     const top = t * (1 - 2 * MARGIN);
     const bottom = t * (1 - 2 * MARGIN - (2 * bar) / h);
-    const out = new THREE.Vector3(...VIEW_FROM).normalize();
+    const out = new THREE.Vector3(...scene.from);
     const right = new THREE.Vector3(0, 0, 1).cross(out).normalize();
     const up = out.clone().cross(right);
     const low = [Infinity, Infinity];
@@ -349,7 +383,8 @@ function connectControls(player) {
   const title = document.createElement("strong");
   title.textContent = scene.title;
   at("legend").append(title);
-  const shown = { ghost: scene.now.ghost, force: player.arrows.length, trace: player.past, surface: scene.surfaces.length };
+  const shown = { ghost: scene.now.ghost, force: player.arrows.length, moment: player.largest.moment > 0,
+    trace: player.past, surface: scene.surfaces.length };
   for (const [name, text] of Object.entries(scene.legend)) {
     if (!shown[name]) continue;
     const box = Object.assign(document.createElement("input"), { type: "checkbox", checked: true, id: `show-${name}` });
@@ -391,7 +426,7 @@ function connectControls(player) {
 }
 
 function listen(player) {
-  const events = new EventSource("events");
+  const events = new EventSource(`events?${player.scene.live}`);
   events.onmessage = (event) => {
     const news = JSON.parse(event.data);
     if (news.reload) location.reload();

@@ -9,18 +9,23 @@ from typing import Any
 import numpy as np
 
 from .._arrays import Array
+from .camera import best_view
 from .drawing import Drawing
 
 LEGEND = {
     "ghost": "reference q_r",
     "force": "force on the arm",
+    "moment": "moment on the arm",
     "trace": "path of the tool",
     "surface": "surface",
 }
 """What the page calls its parts."""
 
 ARROW = 0.3
-"""Length of the longest arrow as a share of the scene's radius."""
+"""Length of the longest force's arrow as a share of the scene's radius."""
+
+CURL = 0.16
+"""Radius of the largest moment's round arrow as a share of the scene's radius."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,14 +53,14 @@ class Frame:
     Attributes:
         q: Configuration of the arm, shape (nq,).
         q_r: Configuration of its reference, drawn as a ghost; None for no ghost.
-        forces: Point of attack [m] and force [N] of every arrow, shape (n, 6).
+        wrenches: Point of attack [m], force [N] and moment [N·m] of every wrench, shape (n, 9).
         travel: Displacements of the surfaces along their normals [m].
         tool: Where the tool is, shape (3,) [m]; None for no trace.
     """
 
     q: Array
     q_r: Array | None = None
-    forces: Array | None = None
+    wrenches: Array | None = None
     travel: tuple[float, ...] = ()
     tool: Array | None = None
 
@@ -67,33 +72,36 @@ def scene(
     title: str,
     period: float = 0.0,
     surfaces: Sequence[Surface] = (),
-    live: bool = False,
+    live: int = 0,
 ) -> dict[str, Any]:
     """Return a scene as player.js describes it.
 
     Args:
         drawing: The arm.
-        frames: One picture, or those of a motion; all with a ghost or none, and with the same number of arrows.
+        frames: One picture, or those of a motion; all with a ghost or none, and with the same number of wrenches.
         title: Title of the page.
         period: Time between frames [s].
         surfaces: Flat surfaces.
-        live: The page listens for news from its server.
+        live: Number of the latest news that the page knows of, if it listens to its server; 0 if it does not.
     """
     arm = np.array([drawing.poses(frame.q) for frame in frames])
     ghosts = [drawing.poses(frame.q_r) for frame in frames if frame.q_r is not None]
-    forces = np.array([_forces(frame) for frame in frames])
+    wrenches = np.array([_wrenches(frame) for frame in frames])
     outline = outline_of(drawing, [*arm, *ghosts], frames)
     center = (outline.min(axis=0) + outline.max(axis=0)) / 2.0
     radius = float(np.linalg.norm(outline - center, axis=1).max()) or 1.0
-    largest = float(np.linalg.norm(forces[:, :, 3:], axis=2).max(initial=0.0))
-    scale = ARROW * radius / largest if largest > 0.0 else 0.0
-    if forces.size:
-        tips = forces[:, :, :3] + scale * forces[:, :, 3:]
-        outline = spread(np.concatenate([outline, tips.reshape(-1, 3)]))
+    arrows = {
+        "force": {"size": ARROW * radius, "largest": _largest(wrenches[:, :, 3:6])},
+        "moment": {"size": CURL * radius, "largest": _largest(wrenches[:, :, 6:9])},
+    }
+    if wrenches.size:
+        tips = wrenches[:, :, :3] + _scaled(wrenches[:, :, 3:6], **arrows["force"])
+        turns = wrenches[:, :, :3] + _scaled(wrenches[:, :, 6:9], **arrows["moment"])
+        outline = spread(np.concatenate([outline, tips.reshape(-1, 3), turns.reshape(-1, 3)]))
     moving = {
         "arm": arm,
         "ghost": np.array(ghosts) if ghosts else None,
-        "forces": forces,
+        "wrenches": wrenches,
         "surfaces": np.array([frame.travel for frame in frames]),
     }
     tools = [frame.tool for frame in frames if frame.tool is not None]
@@ -110,7 +118,8 @@ def scene(
         "center": [*center],
         "radius": radius,
         "ground": float(outline[:, 2].min()),
-        "metresPerNewton": scale,
+        "from": [*best_view(drawing, list(arm[:: 1 + len(arm) // 5]), outline)],
+        "arrows": arrows,
         "live": live,
     }
 
@@ -133,5 +142,14 @@ def spread(points: Array, directions: int = 300) -> Array:
     return farthest
 
 
-def _forces(frame: Frame) -> Array:
-    return np.zeros((0, 6)) if frame.forces is None else frame.forces
+def _wrenches(frame: Frame) -> Array:
+    return np.zeros((0, 9)) if frame.wrenches is None else frame.wrenches
+
+
+def _largest(vectors: Array) -> float:
+    return float(np.linalg.norm(vectors, axis=-1).max(initial=0.0))
+
+
+def _scaled(vectors: Array, size: float, largest: float) -> Array:
+    """Vectors whose longest has a given length."""
+    return vectors * (size / largest if largest > 0.0 else 0.0)

@@ -20,15 +20,17 @@ class Server:
     """Serves one page, and tells every browser that shows it what is new; never waits for a browser.
 
     Args:
-        page: Returns the page.
+        page: Returns the page, given the number of the latest news that it knows of; the page asks for
+            `events?NUMBER`, and is told at once if there has been any since.
         port: Port on 127.0.0.1; 0 for any that is free.
 
     Raises:
         GainError: The port is not free, or is none.
     """
 
-    def __init__(self, page: Callable[[], str], port: int = 0) -> None:
+    def __init__(self, page: Callable[[int], str], port: int = 0) -> None:
         self._page = page
+        self._count, self._latest = 1, ""
         self._listeners: set[Queue[str | None]] = set()
         self._lock = threading.Lock()
         try:
@@ -48,6 +50,7 @@ class Server:
         """Send news to every browser that shows the page; one that lags behind gets the latest only."""
         message = json.dumps(news)
         with self._lock:
+            self._count, self._latest = self._count + 1, message
             for queue in self._listeners:
                 _put_latest(queue, message)
 
@@ -70,9 +73,9 @@ class Server:
                 ):  # a page of another site, under a name that it made mean this machine
                     self.send_error(403)
                 elif self.path == "/":
-                    self._answer("text/html; charset=utf-8", server._page().encode())
-                elif self.path == "/events":
-                    self._tell_news()
+                    self._answer("text/html; charset=utf-8", server._page(server._count).encode())
+                elif self.path.startswith("/events?"):
+                    self._tell_news(self.path.removeprefix("/events?"))
                 else:
                     self.send_error(404)
 
@@ -87,10 +90,12 @@ class Server:
                 self.end_headers()
                 self.wfile.write(content)
 
-            def _tell_news(self) -> None:
+            def _tell_news(self, known: str) -> None:
                 queue: Queue[str | None] = Queue(maxsize=1)
                 with server._lock:  # before the answer: whoever has it misses nothing
                     server._listeners.add(queue)
+                    if known != str(server._count) and server._latest:
+                        queue.put_nowait(server._latest)
                 try:
                     self.send_response(200)
                     self.send_header("Content-Type", "text/event-stream")

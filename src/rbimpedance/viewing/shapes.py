@@ -138,8 +138,9 @@ class _MeshFiles:
             return ()
         some = [f"'{address}': {reason}" for address, reason in self._lost.items()][:2]
         more = ", ..." if len(self._lost) > 2 else ""
+        files = "mesh file" if len(self._lost) == 1 else "mesh files"
         return (
-            f"{len(self._lost)} mesh files cannot be shown ({', '.join(some)}{more}): collision shapes or capsules "
+            f"{len(self._lost)} {files} cannot be shown ({', '.join(some)}{more}): collision shapes or capsules "
             "stand in; name their folder with package_dirs=",
         )
 
