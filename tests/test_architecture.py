@@ -14,7 +14,9 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "src" / "rbimpedance"
 
 LAYERS: tuple[frozenset[str], ...] = (
-    frozenset({"exceptions", "_arrays", "_description", "_frozen", "_leaf", "_suggestions"}),
+    frozenset(
+        {"exceptions", "_arrays", "_description", "_files", "_frozen", "_leaf", "_suggestions"}
+    ),
     frozenset(
         {
             "impedance",
@@ -22,22 +24,28 @@ LAYERS: tuple[frozenset[str], ...] = (
             "finite_time",
             "_homogeneous",
             "surfaces",
+            "bounded_surface",
             "super_twisting",
         }
     ),
     frozenset({"stability", "_certificate_words", "_lyapunov"}),
+    frozenset({"pinocchio_dynamics", "rigid_bodies"}),
     frozenset({"dynamics"}),
     frozenset({"loading", "trajectories", "interaction", "cartesian"}),
-    frozenset({"robots"}),
+    frozenset({"robots", "model_building"}),
     frozenset({"limits", "telemetry", "compiled"}),
-    frozenset({"controller", "tracking", "reference_guard", "baselines", "_baseline"}),
-    frozenset({"simulation", "integrators", "result", "energy", "observers", "estimators"}),
+    frozenset({"controller", "lean", "tracking", "reference_guard", "baselines", "_baseline"}),
+    frozenset({"result", "energy", "observers", "estimators", "loop"}),
+    frozenset({"safety"}),
+    frozenset({"snapshot", "checkpointing"}),
+    frozenset({"simulation"}),
     frozenset({"scenarios", "tuning", "study"}),
     frozenset(
         {
             "plotting",
             "_analysis_figures",
             "_figure_style",
+            "benchmarking",
             "viewing",
             "visualization",
             "cli",
@@ -49,7 +57,15 @@ LAYERS: tuple[frozenset[str], ...] = (
     ),
 )
 PURE = LAYERS[0] | LAYERS[1] | LAYERS[2]  # the mathematics: NumPy and SciPy only
-KNOW_PINOCCHIO = {"robots", "dynamics", "viewing"}
+KNOW_PINOCCHIO = {
+    "robots",
+    "model_building",
+    "dynamics",
+    "pinocchio_dynamics",
+    "rigid_bodies",
+    "viewing",
+    "benchmarking",
+}
 HEAVY = ("matplotlib", "meshcat", "numba", "rich", "typer", "yourdfpy")
 
 

@@ -2,21 +2,35 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from rbimpedance.compiled._jit import kernel
+from rbimpedance.compiled.dynamics import OWN_VECTOR
 from rbimpedance.compiled.trigonometry import LARGEST_ANGLE, cosines_and_sines
 
 Array = NDArray[np.float64]
 UNIT = 2.0**-53
 
 
+@functools.cache
+def compiled() -> Callable[..., Any]:
+    return kernel(_write, (OWN_VECTOR, OWN_VECTOR, OWN_VECTOR))
+
+
+def _write(angles: Array, cosines: Array, sines: Array) -> int:
+    cosines_and_sines(angles, cosines, sines)
+    return 0
+
+
 def both(angles: Array) -> tuple[Array, Array]:
     cosines, sines = np.empty_like(angles), np.empty_like(angles)
-    cosines_and_sines(angles, cosines, sines)
+    compiled()(angles, cosines, sines)
     return cosines, sines
 
 

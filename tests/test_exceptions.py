@@ -96,3 +96,9 @@ def test_every_error_of_the_package_has_a_case_here() -> None:
 def test_array_in_an_error_survives_pickling() -> None:
     error = pickle.loads(pickle.dumps(rbi.GainError("k1", np.array([1.0, -1.0]), "positive")))
     np.testing.assert_array_equal(error.value, [1.0, -1.0])
+
+
+def test_thousand_unsupported_joints_are_not_all_named() -> None:
+    error = rbi.UnsupportedJointError([f"joint{i}" for i in range(1000)], "floating; lock them")
+    assert str(error).endswith("'joint11' and 988 more: floating; lock them")
+    assert len(error.joints) == 1000

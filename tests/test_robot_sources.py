@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 import rbimpedance as rbi
+from rbimpedance.cli import app
 from rbimpedance.loading.robot_sources import bundled_names, bundled_urdf, read_source
 
 from .arms import spinner_urdf
@@ -91,6 +93,24 @@ def test_xacro_that_fails_says_why(
     with pytest.raises(rbi.ModelError, match=message):
         rbi.load_robot(path)
     assert capfd.readouterr() == ("", "")
+
+
+def test_xacro_that_takes_too_long_is_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rbimpedance.loading.xacro_expansion.MAX_SECONDS", 0.01)
+    path = tmp_path / "arm.xacro"
+    path.write_text(spinner_urdf())
+    with pytest.raises(
+        rbi.ModelError, match=r"cannot expand 'arm\.xacro': it takes more than 0\.01 s"
+    ):
+        rbi.load_robot(path)
+
+
+def test_standard_input_that_is_no_text_is_refused() -> None:
+    result = CliRunner().invoke(app, ["inspect", "-"], input=b"<robot \xff")
+    assert isinstance(result.exception, rbi.ModelError)
+    assert str(result.exception).startswith("standard input is not UTF-8 text (byte 7)")
 
 
 def test_bundled_robots_are_files() -> None:

@@ -249,6 +249,33 @@ def test_wrong_selection_is_refused(arguments: dict[str, Any], message: str) -> 
         rbi.load_robot(spinner_urdf(), **arguments)
 
 
+@pytest.mark.parametrize("name", ["hand", "carriage", "base"])
+def test_joint_that_shares_its_name_with_a_link_can_be_locked(
+    name: str, rng: np.random.Generator
+) -> None:
+    shared = rbi.load_robot(
+        spinner_urdf().replace('joint name="tilt"', f'joint name="{name}"'), lock=name
+    )
+    same_dynamics(shared, rbi.load_robot(spinner_urdf(), lock="tilt"), rng)
+    assert sorted(shared.frame_names) == sorted([*spinner_frames(without="tilt"), name])
+
+
+def spinner_frames(without: str) -> list[str]:
+    names = list(rbi.load_robot(spinner_urdf()).frame_names)
+    names.remove(without)
+    return names
+
+
+@pytest.mark.parametrize(
+    "arguments", [{"lock": "x"}, {"tool_frame": "x"}, {"joints": []}, {"locked_configuration": {"spin": 1.0}}]
+)  # fmt: skip
+def test_error_about_an_argument_names_the_file(arguments: dict[str, Any], tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text(spinner_urdf())
+    with pytest.raises(rbi.ModelError, match=r"^'arm\.urdf': "):
+        rbi.load_robot(path, **arguments)
+
+
 def test_locking_a_fixed_joint_changes_nothing(rng: np.random.Generator) -> None:
     same_dynamics(
         rbi.load_robot(spinner_urdf(), lock="tool_joint"), rbi.load_robot(spinner_urdf()), rng
@@ -577,6 +604,24 @@ def test_element_that_pinocchio_dropped_is_an_error(monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(pin, "buildModelFromXML", drops_an_inertial)
     with pytest.raises(rbi.ModelError, match=r"joint 'slide' carries 1\.5 kg, and 0\.0 kg"):
+        rbi.load_robot(spinner_urdf())
+
+
+@pytest.mark.parametrize("shift", [(1e-5, 0.0), (0.0, 1e-5)])
+def test_inertia_that_pinocchio_reads_differently_is_an_error(
+    shift: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    build = pin.buildModelFromXML
+
+    def misreads(text: str, *mimic: bool) -> pin.Model:
+        model = build(text, *mimic)
+        body = model.inertias[2]
+        lever, inertia = body.lever + shift[0], body.inertia + shift[1] * np.eye(3)
+        model.inertias[2] = pin.Inertia(body.mass, lever, inertia)
+        return model
+
+    monkeypatch.setattr(pin, "buildModelFromXML", misreads)
+    with pytest.raises(rbi.ModelError, match="what joint 'slide' carries has another inertia"):
         rbi.load_robot(spinner_urdf())
 
 

@@ -29,6 +29,19 @@ def test_matrix_that_is_not_finite_is_weak_everywhere() -> None:
     assert weak_directions(np.array([[1.0, np.nan], [np.nan, 1.0]])).all()
 
 
+def test_inertias_too_far_apart_for_floating_point_are_refused() -> None:
+    arm = arms.spinner()
+    check_inertia(arm.with_armature([1e9, 0.0, 0.0]))
+    with pytest.raises(
+        rbi.ModelError, match=r"what '(slide|tilt)' moves has less than 1/1e\+12 of"
+    ):
+        check_inertia(arm.with_armature([9e11, 0.0, 0.0]))
+    with pytest.raises(
+        rbi.ModelError, match=r"what 'spin' moves has the inertia 1e\+13: give masses in"
+    ):
+        check_inertia(arm.with_armature([1e13, 0.0, 0.0]))
+
+
 def test_sound_arm_passes_and_the_same_without_mass_does_not() -> None:
     arm = arms.spinner().with_armature(0.0)
     check_inertia(arm)

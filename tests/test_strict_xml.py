@@ -79,6 +79,16 @@ def test_size_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
         read_xml("<a>" + "x" * 94 + "</a>", "the text")
 
 
+def test_tags_and_attributes_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(strict_xml, "MAX_TAGS", 4)
+    monkeypatch.setattr(strict_xml, "MAX_ATTRIBUTES", 2)
+    read_xml('<a b="" c=""><d e="" f=""/><g h=""/></a>', "the text")
+    with pytest.raises(rbi.ModelError, match="the text has more than 4 tags"):
+        read_xml("<a><b/><c/><d/></a>", "the text")
+    with pytest.raises(rbi.ModelError, match="the text has more than 2 attributes in one tag"):
+        read_xml('<a b="" c="" d=""/>', "the text")
+
+
 @pytest.mark.parametrize(
     "text",
     [

@@ -70,6 +70,46 @@ def test_relative_and_file_addresses_are_found(mesh: Path) -> None:
     assert find_mesh("https://host/meshes/hand.stl", text) is None
 
 
+@pytest.mark.parametrize(
+    "address",
+    [
+        "../../../secret.stl",
+        "meshes/../../../../secret.stl",
+        "file://{secret}",
+        "{secret}",
+        "package://toy/../../secret.stl",
+        "package://{secret}",
+        "package://toy/../secret.stl",
+        "link.stl",
+        "plain",
+        "a\0b.stl",
+        "x" * 5000 + ".stl",
+    ],
+)
+def test_file_outside_the_package_is_not_found(mesh: Path, address: str) -> None:
+    folder = mesh.parents[1] / "urdf"
+    folder.mkdir()
+    secret = mesh.parents[3] / "secret.stl"
+    for path in (
+        secret,
+        mesh.parents[2] / "secret.stl",
+        mesh.parents[3] / "secret",
+        folder / "plain",
+    ):
+        path.touch()
+    (folder / "link.stl").symlink_to(mesh.parents[3] / "secret")
+    assert find_mesh(address.format(secret=secret), RobotText("", "", folder=folder)) is None
+
+
+def test_package_begins_at_its_package_xml_or_above_the_folder_of_the_file(mesh: Path) -> None:
+    text = RobotText("", "", folder=mesh.parents[1] / "urdf" / "arm")
+    address = "../../meshes/hand.stl"
+    assert find_mesh(address, text) is None
+    assert find_mesh(address, replace(text, package_dirs=(mesh.parents[1],))) == mesh
+    (mesh.parents[1] / "package.xml").touch()
+    assert find_mesh(address, text) == mesh
+
+
 def test_colour_that_does_not_parse_matters_for_pictures_only() -> None:
     colour = '<material name="red"><color rgba="1,0,0,1"/></material>'
     notes = rbi.load_robot(spinner_urdf(colour)).notes

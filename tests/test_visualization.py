@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import gzip
 import http.client
 import json
@@ -308,6 +309,29 @@ def test_result_of_a_text_says_how_to_see_it(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match=r"neither a name nor a path; give it with robot="):
         again.animate()
     assert again.animate(robot=spinner_urdf()).arm.joint_names == arm.joint_names
+
+
+@pytest.mark.parametrize(
+    ("recipe", "words"),
+    [
+        ({"source": "evil.urdf.xacro"}, "would be run as a program"),
+        ({"source": "panda_description"}, "would be run as a program"),
+        ({"source": "panda", "gravity": [0, 0, 0]}, "does not say how its robot is loaded"),
+        ({"lock": []}, "does not say how its robot is loaded"),
+        (["panda"], "does not say how its robot is loaded"),
+        ({"source": "panda", "lock": 7}, "the robot of the result"),
+    ],
+)
+def test_what_a_file_of_a_stranger_names_is_neither_run_nor_a_crash(
+    two_link: ArmModel, recipe: object, words: str
+) -> None:
+    result = swung(two_link)
+    plant = {**result.provenance["plant"], "recipe": recipe}
+    foreign = dataclasses.replace(
+        result, provenance={**result.provenance, "plant": plant}, plant=None
+    )
+    with pytest.raises(ModelError, match=f"{words}.*give .*robot="):
+        foreign.animate()
 
 
 def test_robot_with_other_joints_is_refused(two_link: ArmModel) -> None:

@@ -1,4 +1,4 @@
-"""The command line: `rbimpedance paper`, `run`, `tune`, `inspect` and `view`.
+"""The command line: `rbimpedance paper`, `run`, `tune`, `inspect`, `view` and `bench`.
 
 Exit codes: 0 done, 1 the run failed (it diverged), 2 bad input.
 """
@@ -6,11 +6,12 @@ Exit codes: 0 done, 1 the run failed (it diverged), 2 bad input.
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from threading import Event
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -18,23 +19,31 @@ from matplotlib.figure import Figure
 
 from . import __version__, plotting
 from ._arrays import Array
+from ._files import remove_parts
 from ._report import comparison_figures, comparison_table, result_figures, result_table
 from ._terminal import number, print_json, print_table, progress, stderr, stdout, table
-from ._tuning_report import case_names, gains_table, worst_table
+from ._tuning_report import case_names, gains_table, torque_table, worst_table
+from .benchmarking.command import bench
+from .checkpointing import Checkpoint
 from .controller import ImpedanceController
 from .dynamics import ArmModel
 from .exceptions import DivergenceError, GainError, RBImpedanceError
 from .impedance import Impedance
-from .integrators import Integrator
 from .interaction import FrameWrench
+from .loading.encoding import decoded
+from .loading.strict_xml import MAX_CHARACTERS
 from .result import SimulationResult
 from .robots import load_robot
 from .scenarios import Scenario, SurfaceName, paper, paper_comparison, paper_surface
+from .simulation.integrators import Integrator
 from .super_twisting import Scheme, SuperTwisting
 from .tracking import Knowledge
 from .trajectories import cosine
 from .tuning import GainProposal, Uncertainty, propose_gains
 from .tuning.gains_file import load_gains, proposal_data, save_gains
+
+if TYPE_CHECKING:
+    from .visualization import Viewer
 
 app = typer.Typer(
     help="Robust impedance control of any URDF arm.",
@@ -68,6 +77,10 @@ Gravity = Annotated[
 PackageDir = Annotated[
     list[Path] | None,
     typer.Option("--package-dir", metavar="DIR", help="Where package:// resolves; repeatable."),
+]
+Repair = Annotated[
+    bool,
+    typer.Option("--repair", help="Mend what has one obvious mend in the description, and say so."),
 ]
 Known = Annotated[Knowledge, typer.Option("--known", help="What the controller knows of the arm.")]
 Surface = Annotated[SurfaceName, typer.Option("--surface", help="Sliding surface.")]
@@ -161,12 +174,16 @@ def run(
     armature: Armature = None,
     gravity: Gravity = None,
     package_dir: PackageDir = None,
+    repair: Repair = False,
     out: Out = Path("out"),
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on where a killed run of this command was.")
+    ] = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Simulate the controller on any robot, which follows a cosine about its neutral configuration."""
-    arm = _load(robot, lock, tool_frame, armature, gravity, package_dir)
+    arm = _load(robot, lock, tool_frame, armature, gravity, package_dir, repair=repair)
     target = Impedance(
         mass=_numbers("--mass", mass),
         damping=_numbers("--damping", damping),
@@ -184,6 +201,8 @@ def run(
             knowledge=known,
         )
     force = np.zeros(3) if wrench is None else _numbers("--wrench", wrench, 3)
+    if html is not None:
+        html.parent.mkdir(parents=True, exist_ok=True)  # now, not when the run is over
     scenario = Scenario(
         controller=controller,
         plant=arm.with_payload(payload) if payload else arm,
@@ -199,7 +218,11 @@ def run(
         "impedance_error": plotting.impedance_error,
         "torque": plotting.torques,
     }
-    result, files = _simulate(scenario, out, "result", figures, quiet=quiet or as_json)
+    label = f"cosine {amplitude!r} {period!r}, force {force.tolist()}"
+    checkpoint = Checkpoint(out / "result.checkpoint", label, resume=resume)
+    result, files = _simulate(
+        scenario, out, "result", figures, quiet=quiet or as_json, checkpoint=checkpoint
+    )
     law = f"gains of {gains}" if gains is not None else f"{surface} surface, {scheme} scheme"
     if html is not None:
         files.append(result.save_html(html, wrench=scenario.wrench))
@@ -218,6 +241,13 @@ def tune(
     robot: Robot,
     payload: Annotated[
         str, typer.Option("--payload", metavar="KG[,KG]", help="At the tool: largest, or a range.")
+    ] = "0",
+    payload_com: Annotated[
+        str, typer.Option("--payload-com", metavar="X,Y,Z", help="Where, in the tool's axes in m.")
+    ] = "0,0,0",
+    payload_gyration: Annotated[
+        str,
+        typer.Option("--payload-gyration", metavar="R[,R]", help="Its radius of gyration in m."),
     ] = "0",
     inertia_scale: Annotated[
         str, typer.Option("--inertia-scale", metavar="F[,F]", help="Factor on the links' inertia.")
@@ -238,6 +268,14 @@ def tune(
         float, typer.Option("--velocity-noise", help="Standard deviation in rad/s.")
     ] = 0.0,
     delay: Annotated[int, typer.Option("--delay", help="Of the measurements in ticks.")] = 0,
+    limits: Annotated[
+        str | None,
+        typer.Option(
+            "--limits",
+            metavar="urdf|T[,T...]",
+            help="Torque limits to keep in N m: the description's, or these.",
+        ),
+    ] = None,
     accuracy: Annotated[
         float, typer.Option("--accuracy", metavar="RAD", help="Error that is asked for.")
     ] = 1e-3,
@@ -253,14 +291,17 @@ def tune(
     armature: Armature = None,
     gravity: Gravity = None,
     package_dir: PackageDir = None,
+    repair: Repair = False,
     out: Out = Path("out"),
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Propose gains that carry what is not known about a robot, or say why none do (exit code 1)."""
-    arm = _load(robot, lock, tool_frame, armature, gravity, package_dir)
+    arm = _load(robot, lock, tool_frame, armature, gravity, package_dir, repair=repair)
     uncertainty = Uncertainty(
         payload=_numbers("--payload", payload),
+        payload_com=_numbers("--payload-com", payload_com, 3),
+        payload_gyration=_numbers("--payload-gyration", payload_gyration),
         inertia_scale=_numbers("--inertia-scale", inertia_scale),
         viscous=_numbers("--viscous", viscous),
         coulomb=_numbers("--coulomb", coulomb),
@@ -276,6 +317,7 @@ def tune(
             uncertainty,
             trajectory,
             dt,
+            limits=_effort_limits(arm, limits),
             accuracy=accuracy,
             duration=duration,
             seed=seed,
@@ -287,6 +329,9 @@ def tune(
     else:
         if not quiet:
             print_table(gains_table(proposal))
+            torque = torque_table(proposal)
+            if torque is not None:
+                print_table(torque)
             if proposal.worst:
                 print_table(worst_table(proposal))
         stdout.print(proposal.explain(), soft_wrap=True, markup=False)
@@ -303,10 +348,12 @@ def inspect(
     armature: Armature = None,
     gravity: Gravity = None,
     package_dir: PackageDir = None,
+    repair: Repair = False,
     as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Show what a robot's description says: joints, limits, friction, frames, and what is odd about it."""
-    arm = _load(robot, lock, tool_frame, armature, gravity, package_dir)
+    arm = _load(robot, lock, tool_frame, armature, gravity, package_dir, repair=repair)
     M = arm.mass_matrix(arm.neutral)
     if as_json:
         print_json({name: getattr(arm, name) for name in _INSPECTED})
@@ -319,8 +366,9 @@ def inspect(
     ]
     header = ("joint", "lower", "upper", "speed", "effort", "viscous", "Coulomb", "armature")
     title = f"{arm.name}: nq = {arm.nq}, nv = {arm.nv}, tool frame '{arm.tool_frame}'"
-    print_table(table(title, (*header, "M(neutral)"), rows))
-    stdout.print("SI units; – means: not given, or no limit", style="dim")
+    if not quiet:
+        print_table(table(title, (*header, "M(neutral)"), rows))
+        stdout.print("SI units; – means: not given, or no limit", style="dim")
     for note in arm.notes:
         stdout.print(f"note: {note}", soft_wrap=True, markup=False)
 
@@ -344,25 +392,40 @@ def view_command(
     lock: Lock = None,
     tool_frame: ToolFrame = None,
     package_dir: PackageDir = None,
+    repair: Repair = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
     """Show a robot, or the animation of a result, in a browser: served on this machine, or as one file."""
     from .visualization import animate, view  # noqa: PLC0415  (takes a second)
 
-    if shown.endswith(".npz"):
-        viewer = animate(SimulationResult.load(shown), port=port)
-    else:
-        viewer = view(_load(shown, lock, tool_frame, None, None, package_dir), port=port)
-    for note in viewer.notes:
+    with progress(f"drawing {shown}", quiet=quiet or as_json):
+        if shown.endswith(".npz"):
+            viewer = animate(SimulationResult.load(shown), port=port)
+        else:
+            arm = _load(shown, lock, tool_frame, None, None, package_dir, repair=repair)
+            viewer = view(arm, port=port)
+    for note in viewer.notes if not as_json else ():
         stderr.print(f"note: {note}", soft_wrap=True, markup=False)
     if html or out is not None:
-        _say_written([viewer.save_html(out or f"{viewer.arm.name.replace('/', '_')}.html")])
+        file = viewer.save_html(out or f"{viewer.arm.name.replace('/', '_')}.html")
+        if as_json:
+            print_json({"file": str(file), "notes": viewer.notes})
+        else:
+            _say_written([file])
         return
     with viewer:
-        stdout.print(f"{viewer.url} shows it, until Ctrl-C", soft_wrap=True, markup=False)
+        if as_json:
+            print_json({"url": viewer.url, "notes": viewer.notes})
+        else:
+            stdout.print(f"{viewer.url} shows it, until Ctrl-C", soft_wrap=True, markup=False)
         if open_browser:
-            viewer.open()
+            _open(viewer)
         with suppress(KeyboardInterrupt):
             Event().wait()
+
+
+app.command(epilog="Example: rbimpedance bench panda --save before.json")(bench)
 
 
 @app.callback(invoke_without_command=True)
@@ -386,6 +449,10 @@ def main() -> None:
     except RBImpedanceError as error:
         stderr.print(f"error: {error}", soft_wrap=True, markup=False)
         sys.exit(2)
+    except OSError as error:
+        what = f"{error.strerror}: '{error.filename}'" if error.filename else str(error)
+        stderr.print(f"error: {what}", soft_wrap=True, markup=False)
+        sys.exit(2)
 
 
 def _load(
@@ -395,15 +462,24 @@ def _load(
     armature: str | None,
     gravity: str | None,
     package_dir: list[Path] | None,
+    *,
+    repair: bool,
 ) -> ArmModel:
     return load_robot(
-        sys.stdin.read() if robot == "-" else robot,
+        _standard_input() if robot == "-" else robot,
         lock=tuple(lock or ()),
         tool_frame=tool_frame,
         armature=None if armature is None else _numbers("--armature", armature),
         gravity=None if gravity is None else _numbers("--gravity", gravity, 3),
         package_dirs=tuple(package_dir or ()),
+        repair=repair,
     )
+
+
+def _standard_input() -> str:
+    """The text on standard input, bounded in size."""
+    text, _ = decoded(sys.stdin.buffer.read(MAX_CHARACTERS + 1), "standard input", ())
+    return text
 
 
 def _numbers(option: str, text: str, count: int | None = None) -> Array:
@@ -420,6 +496,15 @@ def _numbers(option: str, text: str, count: int | None = None) -> Array:
     return values if count is not None or len(values) > 1 else values[0]
 
 
+def _effort_limits(arm: ArmModel, limits: str | None) -> Array | None:
+    """Read "urdf", or numbers."""
+    if limits != "urdf":
+        return None if limits is None else _numbers("--limits", limits)
+    if not np.isfinite(arm.effort_limit).any():
+        raise GainError("--limits", limits, f"numbers: '{arm.name}' comes without effort limits")
+    return arm.effort_limit
+
+
 def _simulate(
     scenario: Scenario,
     out: Path,
@@ -427,18 +512,25 @@ def _simulate(
     figures: Mapping[str, Callable[[SimulationResult], Figure]],
     *,
     quiet: bool,
+    checkpoint: Checkpoint | None = None,
 ) -> tuple[SimulationResult, list[Path]]:
     """Run a scenario and write its data and figures, those of a diverged run too."""
     out.mkdir(parents=True, exist_ok=True)
+    remove_parts(out / f"{name}.npz")
     try:
         with progress(f"simulating {scenario.plant.name}", quiet=quiet) as on_tick:
-            result = scenario.simulate(on_tick=on_tick)
+            result = scenario.simulate(on_tick=on_tick, checkpoint=checkpoint)
     except DivergenceError as error:
         path = error.result.save(out / f"{name}.npz")
+        if checkpoint is not None:
+            checkpoint.remove()
         stderr.print(f"the run until it diverged is in {path}", soft_wrap=True, markup=False)
         raise
     files = [plotting.save(draw(result), out / f"{stem}.png") for stem, draw in figures.items()]
-    return result, [*files, result.save(out / f"{name}.npz")]
+    files.append(result.save(out / f"{name}.npz"))
+    if checkpoint is not None:
+        checkpoint.remove()
+    return result, files
 
 
 def _write_proposal(proposal: GainProposal, out: Path) -> list[Path]:
@@ -462,6 +554,14 @@ def _compare(dt: float, duration: float, *, quiet: bool) -> dict[str, Simulation
             except DivergenceError as error:
                 results[f"{name} (diverged)"] = error.result
     return results
+
+
+def _open(viewer: Viewer) -> None:
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        viewer.open()
+    for warning in said:
+        stderr.print(f"note: {warning.message}", soft_wrap=True, markup=False)
 
 
 def _say_written(files: list[Path]) -> None:

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+_MOST_NAMES = 12
+
 
 class RBImpedanceError(Exception):
     """Base of all errors of this library."""
@@ -32,7 +34,9 @@ class UnsupportedJointError(ModelError):
         super().__init__(self.joints, reason)
 
     def __str__(self) -> str:
-        names = ", ".join(f"'{name}'" for name in self.joints)
+        names = ", ".join(f"'{name}'" for name in self.joints[:_MOST_NAMES])
+        if len(self.joints) > _MOST_NAMES:
+            names += f" and {len(self.joints) - _MOST_NAMES} more"
         return f"unsupported joint {names}: {self.reason}"
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from numbers import Real
 from pathlib import Path
@@ -11,17 +14,19 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ._arrays import vector
+from ._arrays import Array, gain, per_joint, vector
 from ._description import Description
 from .dynamics import ArmModel
 from .exceptions import ModelError, UnsupportedJointError
-from .loading.joint_selection import check_mimics, joints_to_lock, locked_positions, root_mimics
-from .loading.robot_sources import RobotText, read_source
+from .loading.joint_selection import joints_to_lock, locked_positions
+from .loading.repair import repair_names
+from .loading.robot_sources import RobotText, folders_of, read_source
 from .loading.soundness import check_inertia
-from .loading.stderr import captured_stderr
 from .loading.urdf_appearance import appearance_notes
-from .loading.urdf_document import Mimic, UrdfDocument, listed
-from .loading.urdf_reader import parse_urdf
+from .loading.urdf_document import listed
+from .loading.urdf_reader import FARTHEST_LIMIT, parse_urdf
+from .loading.wording import printable
+from .model_building import build_model, checked_copy
 
 MAX_DOF = 200
 """Most degrees of freedom of a loaded robot: Pinocchio's data grow with their third power (0.5 GB at 200)."""
@@ -39,6 +44,7 @@ def load_robot(
     gravity: ArrayLike | None = None,
     armature: ArrayLike | None = None,
     package_dirs: str | Path | Sequence[str | Path] = (),
+    repair: bool | str | Iterable[str] = False,
 ) -> ArmModel:
     """Load a robot and check it on the way in.
 
@@ -59,6 +65,8 @@ def load_robot(
         armature: Reflected inertia of the rotors on the diagonal of M, scalar or (nv,) [kg·m² or kg]; replaces what a
             `pinocchio.Model` carries.
         package_dirs: Folders in which `package://` addresses of meshes are looked up.
+        repair: True mends defects of a document that have one obvious mend; names of `loading.repair.REPAIRS` mend
+            those only. What was mended stands in `notes`.
 
     Returns:
         The arm; its `notes` say what was found on the way: limits that are not given, meshes that are not there, ...
@@ -71,24 +79,86 @@ def load_robot(
         DimensionError: `gravity` or `armature` has a wrong shape.
         NonFiniteError: `gravity` holds NaN or infinity.
     """
-    values = dict(locked_configuration or {})
+    values, repairs = _positions(locked_configuration), repair_names(repair)
     if isinstance(source, pin.RobotWrapper):
         source = source.model
     if isinstance(source, pin.Model):
-        robot = _from_model(source, joints, lock, values)
+        origin = "the pinocchio.Model"
+        with _said_of(origin):
+            robot = _from_model(source, joints, lock, values)
     else:
-        robot = _from_text(read_source(source, package_dirs), joints, lock, values)
+        with _said_of(""):
+            text = read_source(source, package_dirs, repairs)
+        origin = text.origin
+        with _said_of(origin):
+            robot = _from_text(text, joints, lock, values, repairs)
+            robot = replace(robot, description=_with_recipe(robot, source, package_dirs, repairs))
+    with _said_of(origin):
+        return _arm(robot, tool_frame, gravity, armature)
+
+
+def _arm(
+    robot: _Robot,
+    tool_frame: str | None,
+    gravity: ArrayLike | None,
+    armature: ArrayLike | None,
+) -> ArmModel:
+    """Freeze what is locked, set what was asked for, and check the dynamics."""
     model = _reduced(robot)
     if gravity is not None:
         model.gravity.linear = vector("gravity", gravity, 3, "x, y, z")
     tool = _default_tool_frame(model, robot.link_order) if tool_frame is None else tool_frame
+    if not isinstance(tool, str):
+        raise ModelError(f"tool_frame= takes the name of a frame, got {tool!r}")
     notes = (*robot.notes, *_limit_notes(model), *_rotor_notes(model, robot.rotors))
-    description = _with_recipe(robot, source, package_dirs)
-    arm = ArmModel(model, name=robot.name, tool_frame=tool, notes=notes, description=description)
     if armature is not None:
-        arm = arm.with_armature(armature)
+        given = gain("armature", armature, "non-negative", lambda x: x >= 0.0)
+        model.armature = np.array(per_joint("armature", given, model.nv))
+    arm = ArmModel(
+        model,
+        name=printable(robot.name),
+        tool_frame=tool,
+        notes=tuple(printable(note) for note in notes),
+        description=robot.description,
+    )
     check_inertia(arm)
     return arm
+
+
+@contextmanager
+def _said_of(origin: str) -> Iterator[None]:
+    """Let every error of the model name its origin, and hold nothing that a terminal would not print."""
+    try:
+        yield
+    except UnsupportedJointError as error:
+        reason = error.reason if origin in error.reason else f"in {origin}: {error.reason}"
+        raise UnsupportedJointError(
+            [printable(joint) for joint in error.joints], printable(reason)
+        ) from error.__cause__
+    except ModelError as error:
+        message = str(error) if origin in str(error) else f"{origin}: {error}"
+        raise ModelError(printable(message)) from error.__cause__
+    except MemoryError as error:
+        raise ModelError(f"{origin or 'the source'}: there is not enough memory for it") from error
+
+
+def _positions(given: Mapping[str, float] | None) -> dict[str, float]:
+    """Check `locked_configuration=`."""
+    try:
+        values = dict(given or {})
+    except (TypeError, ValueError) as error:
+        raise ModelError(f"locked_configuration= takes positions by name, got {given!r}") from error
+    for name, value in values.items():
+        try:
+            number = float(value) if isinstance(value, Real) else math.nan
+        except OverflowError:
+            number = math.inf
+        if not isinstance(name, str) or not abs(number) <= FARTHEST_LIMIT:
+            raise ModelError(
+                f"locked_configuration: '{name}' takes one finite number of at most {FARTHEST_LIMIT:g}, got {value!r}"
+            )
+        values[name] = number
+    return values
 
 
 @dataclass(frozen=True)
@@ -107,20 +177,30 @@ class _Robot:
     floats: bool = False
 
 
+RECIPE = frozenset(
+    {"source", "lock", "locked_configuration", "package_dirs", "repair", "tool_frame"}
+)
+"""What a result's recipe for its robot may hold: arguments of `load_robot`."""
+
+
 def _with_recipe(
-    robot: _Robot, source: object, package_dirs: str | Path | Sequence[str | Path]
+    robot: _Robot,
+    source: object,
+    package_dirs: str | Path | Sequence[str | Path],
+    repairs: tuple[str, ...],
 ) -> Description | None:
     """The description with the way to load it again, where the source has a name or a path."""
     description = robot.description
     if description is None or description.folder is None:
         return description
-    folders = (package_dirs,) if isinstance(package_dirs, (str, Path)) else package_dirs
     recipe = {
         "source": str(source) if robot.is_named else str(Path(str(source)).absolute()),
         "lock": sorted(robot.locked) + ([_FLOATING_BASE] if robot.floats else []),
         "locked_configuration": {name: float(value) for name, value in robot.values.items()},
-        "package_dirs": [str(Path(folder).absolute()) for folder in folders],
+        "package_dirs": [str(folder.absolute()) for folder in folders_of(package_dirs)],
     }
+    if repairs:
+        recipe["repair"] = list(repairs)
     return replace(description, recipe=recipe)
 
 
@@ -130,7 +210,7 @@ def _from_model(
     lock: Iterable[str],
     values: Mapping[str, float],
 ) -> _Robot:
-    model = pin.Model(source)
+    model = checked_copy(source)
     names = list(model.names)
     pairs = zip(model.mimicking_joints, model.mimicked_joints, strict=True)
     primaries = {names[mimicking]: names[primary] for mimicking, primary in pairs}
@@ -140,22 +220,17 @@ def _from_model(
         raise ModelError(
             f"locked_configuration: '{name}' follows '{primaries[name]}'; give that one's position"
         )
-    for name, body in zip(names[1:], model.inertias[1:], strict=True):
-        if not np.isfinite(body.matrix()).all():
-            raise ModelError(f"the inertia of the body of joint '{name}' is not finite")
-        smallest, *_, largest = np.linalg.eigvalsh(body.inertia)
-        if body.mass < 0.0 or smallest < -1e-9 * largest:
-            raise ModelError(f"the body of joint '{name}' has a negative mass or moment of inertia")
-    for j in range(1, model.njoints):
-        if not model.existFrame(names[j]):
-            model.addJointFrame(j)
     return _Robot(model, model.name or "robot", locked, values)
 
 
 def _from_text(
-    text: RobotText, joints: Iterable[str] | None, lock: Iterable[str], values: Mapping[str, float]
+    text: RobotText,
+    joints: Iterable[str] | None,
+    lock: Iterable[str],
+    values: Mapping[str, float],
+    repairs: tuple[str, ...],
 ) -> _Robot:
-    document = parse_urdf(text.text, text.origin)
+    document = parse_urdf(text.text, text.origin, repairs)
     base = (_FLOATING_BASE,) if text.floating else ()
     follows = {name: mimic.joint for name, mimic in document.mimics().items()}
     movable = (*base, *document.movable())
@@ -166,7 +241,7 @@ def _from_text(
             f'the base of {text.origin} floats; weld it to the world with lock=("{_FLOATING_BASE}",)',
         )
     locked -= set(base)
-    model = _build(document.without_mimics(locked), text.origin)
+    model = build_model(document.without_mimics(locked), text.origin)
     if document.gravity is not None:
         model.gravity.linear = np.array(document.gravity)
     return _Robot(
@@ -183,68 +258,7 @@ def _from_text(
     )
 
 
-# --- the document becomes a Pinocchio model ---------------------------------------------------------------------
-
-
-def _build(document: UrdfDocument, origin: str) -> pin.Model:
-    """Build the full model and hold it against the document."""
-    mimics = document.mimics()
-    free = _pinocchio_model(document.without_mimics(mimics), origin)
-    _compare(document, free, origin)
-    if not mimics:
-        return free
-    roots = root_mimics(mimics)
-    check_mimics(document, roots, list(free.names))
-    model = _pinocchio_model(document.with_mimics(roots), origin)
-    _add_mimicking_friction(model, document, roots)
-    return model
-
-
-def _pinocchio_model(document: UrdfDocument, origin: str) -> pin.Model:
-    with captured_stderr() as messages:
-        try:
-            return pin.buildModelFromXML(document.to_xml(), True)
-        except (ValueError, RuntimeError) as error:
-            reason = f"{error} {messages()}".strip()
-    raise ModelError(f"{origin}: Pinocchio cannot build this robot: {reason}")
-
-
-def _add_mimicking_friction(
-    model: pin.Model, document: UrdfDocument, mimics: Mapping[str, Mimic]
-) -> None:
-    """Give the friction of mimicking joints, which Pinocchio leaves out, to the joints that they follow."""
-    damping, friction = np.array(model.damping), np.array(model.upperDryFrictionLimit)
-    for joint in document.joints:
-        if joint.name in mimics:
-            mimic = mimics[joint.name]
-            i = model.joints[model.getJointId(mimic.joint)].idx_v
-            damping[i] += mimic.multiplier**2 * joint.damping
-            friction[i] += abs(mimic.multiplier) * joint.friction
-    model.damping = damping
-    model.upperDryFrictionLimit, model.lowerDryFrictionLimit = friction, -friction
-
-
-def _compare(document: UrdfDocument, model: pin.Model, origin: str) -> None:
-    """Refuse a model that lacks a link, a joint or mass of the document."""
-    kinds = pin.FrameType
-    bodies = {frame.name for frame in model.frames if frame.type == kinds.BODY}
-    joints = {f.name for f in model.frames if f.type in (kinds.JOINT, kinds.FIXED_JOINT)}
-    lost = [f"link '{link.name}'" for link in document.links if link.name not in bodies]
-    lost += [f"joint '{joint.name}'" for joint in document.joints if joint.name not in joints]
-    if lost:
-        raise ModelError(f"{origin}: Pinocchio dropped {', '.join(lost[:8])}")
-    masses = dict.fromkeys(document.movable(), 0.0)
-    carriers = document.carriers()
-    for link in document.links:
-        carrier = carriers[link.name]
-        if carrier is not None and link.inertial is not None:
-            masses[carrier] += link.inertial.mass
-    for name, mass in masses.items():
-        built = model.inertias[model.getJointId(name)].mass
-        if abs(built - mass) > 1e-9 * max(mass, 1.0):
-            raise ModelError(
-                f"{origin}: joint '{name}' carries {mass} kg, and {built} kg in Pinocchio's model"
-            )
+# --- what is locked, is frozen ----------------------------------------------------------------------------------
 
 
 def _reduced(robot: _Robot) -> pin.Model:
@@ -257,15 +271,12 @@ def _reduced(robot: _Robot) -> pin.Model:
                 f"locked_configuration gives a position for '{name}', which is not locked"
             )
         joint = model.joints[model.getJointId(name)]
-        if joint.nv != 1 or not isinstance(value, Real) or not np.isfinite(value):
-            raise ModelError(
-                f"locked_configuration: '{name}' takes one finite number, got {value!r}"
-            )
+        if joint.nv != 1:
+            raise ModelError(f"locked_configuration: '{name}' has {joint.nv} degrees of freedom")
         place = slice(joint.idx_q, joint.idx_q + joint.nq)
         q[place] = value if joint.nq == 1 else (np.cos(value), np.sin(value))
     if robot.locked:
-        model = pin.buildReducedModel(model, [model.getJointId(name) for name in robot.locked], q)
-        _mend_parent_frames(model, robot.model)
+        model = _frozen(model, [model.getJointId(name) for name in robot.locked], q)
     names = zip(model.names[1:], model.joints[1:], strict=True)
     if wide := [name for name, joint in names if not _is_controllable(joint)]:
         raise UnsupportedJointError(
@@ -275,6 +286,21 @@ def _reduced(robot: _Robot) -> pin.Model:
         raise ModelError(
             f"{model.nv} degrees of freedom; at most {MAX_DOF} are carried: lock some with lock=(...)"
         )
+    return model
+
+
+def _frozen(full: pin.Model, locked: list[int], q: Array) -> pin.Model:
+    """`pin.buildReducedModel` (4.1), which takes no two frames of one name, such as a link's and a joint's."""
+    shared = {name for name, count in Counter(f.name for f in full.frames).items() if count > 1}
+    distinct, names = pin.Model(full), {}
+    for i, frame in enumerate(full.frames):
+        if frame.name in shared and frame.type != pin.FrameType.JOINT:
+            distinct.frames[i].name = f"{i}\N{NULL}{frame.name}"
+            names[distinct.frames[i].name] = frame.name
+    model = pin.buildReducedModel(distinct, locked, q)
+    _mend_parent_frames(model, distinct)
+    for frame in model.frames:
+        frame.name = names.get(frame.name, frame.name)
     return model
 
 

@@ -11,6 +11,7 @@ import html
 import os
 import warnings
 import webbrowser
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -20,10 +21,11 @@ from numpy.typing import ArrayLike
 
 from ._arrays import Array, positive_number
 from .dynamics import ArmModel
-from .exceptions import ModelError
+from .exceptions import ModelError, RBImpedanceError
 from .interaction import FrameInteraction, Interaction, TimeFunction, as_interaction
+from .loading.robot_sources import runs_as_program
 from .result import SimulationResult
-from .robots import load_robot
+from .robots import RECIPE, load_robot
 from .viewing.drawing import Drawing
 from .viewing.page import page
 from .viewing.scene import Frame, Surface, scene
@@ -353,18 +355,30 @@ def _arm_of(result: SimulationResult, robot: object) -> ArmModel:
     elif result.plant is not None:
         arm = result.plant
     else:
-        recipe = dict(made_by.get("recipe") or {})
-        if not recipe:
-            raise ModelError(
-                f"the result does not hold its robot, '{made_by['name']}', which had neither a name nor a path; "
-                "give it with robot="
-            )
-        try:
-            arm = load_robot(recipe.pop("source"), **recipe)
-        except ModelError as error:
-            raise ModelError(f"the robot of the result: {error}; give it with robot=") from error
+        arm = _named_by_file(made_by)
     if arm.joint_names != result.joint_names or arm.nq != result.q.shape[1]:
         raise ModelError(
             f"the result is of joints {', '.join(result.joint_names)}; '{arm.name}' has {', '.join(arm.joint_names)}"
         )
     return arm
+
+
+def _named_by_file(made_by: Mapping[str, Any]) -> ArmModel:
+    """The arm that a result from a file names; the file may be a stranger's, so nothing that it names is run."""
+    recipe = made_by.get("recipe")
+    if not recipe:
+        raise ModelError(
+            f"the result does not hold its robot, '{made_by['name']}', which had neither a name nor a path; "
+            "give it with robot="
+        )
+    if not isinstance(recipe, Mapping) or not {"source"} <= recipe.keys() <= RECIPE:
+        raise ModelError("the result does not say how its robot is loaded; give it with robot=")
+    source, how = str(recipe["source"]), {k: v for k, v in recipe.items() if k != "source"}
+    if runs_as_program(source):
+        raise ModelError(
+            f"the result names '{source}', which would be run as a program; give the robot with robot="
+        )
+    try:
+        return load_robot(source, **how)
+    except (RBImpedanceError, TypeError, ValueError) as error:
+        raise ModelError(f"the robot of the result: {error}; give it with robot=") from error

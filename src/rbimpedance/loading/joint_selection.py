@@ -6,7 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from .._suggestions import suggest
 from ..exceptions import ModelError, UnsupportedJointError
+from .strict_xml import LARGEST_NUMBER
 from .urdf_document import Mimic, UrdfDocument, listed
+
+_SHOWN = 8  # reasons in one error
 
 
 def joints_to_lock(
@@ -83,13 +86,18 @@ def locked_positions(
     joints = {joint.name: joint for joint in document.joints}
     mimics = document.mimics()
 
-    def position(name: str, depth: int = 0) -> float:
-        if name in given:
-            return given[name]
-        mimic = mimics.get(name)
-        if mimic is not None and mimic.joint in joints and depth < len(mimics):
-            return mimic.multiplier * position(mimic.joint, depth + 1) + mimic.offset
-        return min(max(0.0, joints[name].lower), joints[name].upper)
+    def position(name: str) -> float:
+        multiplier, offset, seen = 1.0, 0.0, {name}
+        while name not in given and name in mimics and mimics[name].joint in joints:
+            mimic = mimics[name]
+            if mimic.joint in seen:
+                break
+            seen.add(mimic.joint)
+            multiplier, offset = multiplier * mimic.multiplier, offset + multiplier * mimic.offset
+            name = mimic.joint
+        leader = joints[name]
+        own = given[name] if name in given else min(max(0.0, leader.lower), leader.upper)
+        return multiplier * own + offset
 
     return {**given, **{name: position(name) for name in locked if name in mimics}}
 
@@ -106,27 +114,31 @@ def check_mimics(document: UrdfDocument, mimics: Mapping[str, Mimic], order: Seq
         UnsupportedJointError: With the joints' names and the way out.
     """
     kinds = {joint.name: joint.kind for joint in document.joints}
-    faults: dict[str, list[str]] = {}
+    faults: dict[tuple[str, str], list[str]] = {}
     for name, direct in document.mimics().items():
-        if name not in mimics:
-            reason = f"mimics '{direct.joint}' in a circle"
-        else:
-            reason = _mimic_fault(name, mimics[name].joint, kinds, order)
+        rule = mimics.get(name, direct)
+        circle = f"mimics '{rule.joint}' in a circle"
+        reason = _mimic_fault(name, rule, kinds, order) if name in mimics else circle
         if reason:
-            faults.setdefault(reason, []).append(name)
+            faults.setdefault((rule.joint, reason), []).append(name)
     if faults:
         names = [name for group in faults.values() for name in group]
-        reasons = "; ".join(f"{listed(group)} {reason}" for reason, group in faults.items())
+        reasons = [
+            f"{listed(group)} {reason}" + ("" if primary in kinds else suggest(primary, kinds))
+            for (primary, reason), group in list(faults.items())[:_SHOWN]
+        ]
+        more = "; ..." if len(faults) > _SHOWN else ""
         quoted = ", ".join(f'"{name}"' for name in names)
         raise UnsupportedJointError(
-            names, f"{reasons}; mend the file or freeze with lock=({quoted},)"
+            names, f"{'; '.join(reasons)}{more}; mend the file or freeze with lock=({quoted},)"
         )
 
 
-def _mimic_fault(name: str, primary: str, kinds: Mapping[str, str], order: Sequence[str]) -> str:
+def _mimic_fault(name: str, rule: Mimic, kinds: Mapping[str, str], order: Sequence[str]) -> str:
     """Why a joint cannot follow another one; empty where it can."""
+    primary = rule.joint
     if primary not in kinds:
-        return f"mimics '{primary}', which is not there{suggest(primary, kinds)}"
+        return f"mimics '{primary}', which is not there"
     allowed = ("continuous",) if kinds[primary] == "continuous" else ("revolute", "prismatic")
     if kinds[primary] not in allowed or kinds[name] not in allowed:
         return (
@@ -134,16 +146,18 @@ def _mimic_fault(name: str, primary: str, kinds: Mapping[str, str], order: Seque
         )
     if order.index(primary) > order.index(name):
         return f"mimics '{primary}', which comes later in Pinocchio's tree"
+    if not max(abs(rule.multiplier), abs(rule.offset)) <= LARGEST_NUMBER:
+        return f"mimics '{primary}' with a multiplier or offset beyond {LARGEST_NUMBER:g}"
     return ""
 
 
 def _leaders(name: str, follows: Mapping[str, str]) -> list[str]:
     """What a joint follows, what that follows, and so on."""
-    leaders: list[str] = []
+    leaders: dict[str, None] = {}
     while name in follows and follows[name] not in leaders:
         name = follows[name]
-        leaders.append(name)
-    return leaders
+        leaders[name] = None
+    return list(leaders)
 
 
 def _composed(mimic: Mimic, above: Mimic) -> Mimic:
@@ -154,9 +168,13 @@ def _composed(mimic: Mimic, above: Mimic) -> Mimic:
 
 def _known(argument: str, names: Iterable[str], known: Sequence[str]) -> set[str]:
     """Return the names as a set; one name alone may be given as a string."""
-    given = [names] if isinstance(names, str) else list(names)
+    try:
+        given = [names] if isinstance(names, str) else list(names)
+    except TypeError as error:
+        raise ModelError(f"{argument}= takes names of joints, got {names!r}") from error
+    there = set(known)
     for name in given:
-        if name not in known:
+        if not isinstance(name, str) or name not in there:
             near = suggest(str(name), known)
             raise ModelError(f"{argument}= names '{name}', which is no movable joint{near}")
     return set(given)

@@ -8,16 +8,20 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import os
 import pkgutil
 import stat
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from .._suggestions import suggest
 from ..exceptions import MissingExtraError, ModelError
-from .strict_xml import MAX_CHARACTERS, has_doctype
+from .encoding import decoded
+from .strict_xml import MAX_CHARACTERS
+from .wording import shortened
+from .xacro_expansion import expand_xacro
 
 _SUFFIXES = (".urdf", ".xacro", ".xml")
 _KINDS_OF_SOURCE = (
@@ -51,12 +55,17 @@ class RobotText:
     notes: tuple[str, ...] = ()
 
 
-def read_source(source: object, package_dirs: str | Path | Sequence[str | Path] = ()) -> RobotText:
+def read_source(
+    source: object,
+    package_dirs: str | Path | Sequence[str | Path] = (),
+    repair: Collection[str] = (),
+) -> RobotText:
     """Find and read the description that a source means.
 
     Args:
         source: Path, XML text, name, or a `yourdfpy.URDF`.
         package_dirs: Folders in which `package://` addresses are looked up.
+        repair: Names of the `REPAIRS` to make; "encoding" is made here.
 
     Returns:
         The description's text.
@@ -65,15 +74,36 @@ def read_source(source: object, package_dirs: str | Path | Sequence[str | Path] 
         ModelError: There is no such file or name, or it cannot be read.
         MissingExtraError: A robot_descriptions name without that package installed.
     """
-    named = (package_dirs,) if isinstance(package_dirs, (str, Path)) else package_dirs
-    folders = tuple(Path(folder) for folder in named)
+    folders = folders_of(package_dirs)
     if isinstance(source, Path):
-        return _read_path(source, folders)
+        return _read_path(source, folders, repair)
     if isinstance(source, str):
-        return _read_string(source, folders)
+        return _read_string(source, folders, repair)
     if hasattr(source, "write_xml_string"):
         return _read_yourdfpy(source, folders)
     raise ModelError(f"cannot load a robot from a {type(source).__name__}; {_KINDS_OF_SOURCE}")
+
+
+def folders_of(package_dirs: str | Path | Sequence[str | Path]) -> tuple[Path, ...]:
+    """Return the folders that `package_dirs=` names.
+
+    Raises:
+        ModelError: It names none.
+    """
+    try:
+        named = (package_dirs,) if isinstance(package_dirs, (str, Path)) else package_dirs
+        return tuple(Path(folder) for folder in named)
+    except TypeError as error:
+        raise ModelError(f"package_dirs= takes folders, got {package_dirs!r}") from error
+
+
+def runs_as_program(source: str) -> bool:
+    """Whether reading this source runs what it holds: a xacro file, or a module of robot_descriptions.
+
+    Args:
+        source: A path or a name.
+    """
+    return Path(source).suffix.lower() == ".xacro" or source.endswith("_description")
 
 
 def bundled_names() -> tuple[str, ...]:
@@ -107,32 +137,34 @@ def _bundled_folder() -> Path:
     return inside if inside.is_dir() else package.parent.parent / "urdf"
 
 
-def _read_string(source: str, folders: tuple[Path, ...]) -> RobotText:
+def _read_string(source: str, folders: tuple[Path, ...], repair: Collection[str]) -> RobotText:
     if source.lstrip("\ufeff \t\r\n").startswith("<"):
         return RobotText(source, "the XML text", package_dirs=folders)
     if Path(source).suffix.lower() in _SUFFIXES or "/" in source or "\\" in source:
-        return _read_path(Path(source), folders)
+        return _read_path(Path(source), folders, repair)
     if source in bundled_names():
         path = bundled_urdf(source)
-        return RobotText(_read_text(path), f"'{source}'", source, path.parent, folders)
+        return RobotText(_read_text(path)[0], f"'{source}'", source, path.parent, folders)
     if source in _example_robots():
         return _read_example_robot(source, folders)
     if source in _description_modules():
         return _read_robot_description(source, folders)
     if _is_file(Path(source)):
-        return _read_path(Path(source), folders)
+        return _read_path(Path(source), folders, repair)
     if source.endswith("_description") and importlib.util.find_spec("robot_descriptions") is None:
-        raise MissingExtraError(f"the robot_descriptions name '{source}'", "descriptions")
+        raise MissingExtraError(
+            f"the robot_descriptions name '{shortened(source)}'", "descriptions"
+        )
     raise ModelError(
         f"no robot is called '{source}'{suggest(source, known_names())}; {_KINDS_OF_SOURCE}"
     )
 
 
-def _read_path(path: Path, folders: tuple[Path, ...]) -> RobotText:
-    text = _read_text(path)
+def _read_path(path: Path, folders: tuple[Path, ...], repair: Collection[str] = ()) -> RobotText:
+    text, notes = _read_text(path, repair)
     if path.suffix.lower() == ".xacro":
-        text = _expand_xacro(path, text)
-    return RobotText(text, f"'{path.name}'", None, path.absolute().parent, folders)
+        text = expand_xacro(path, text)
+    return RobotText(text, f"'{path.name}'", None, path.absolute().parent, folders, notes=notes)
 
 
 def _is_file(path: Path) -> bool:
@@ -142,27 +174,33 @@ def _is_file(path: Path) -> bool:
         return False
 
 
-def _read_text(path: Path) -> str:
-    """Read a regular file of bounded size as UTF-8; devices and pipes are never opened."""
+def _read_text(path: Path, repair: Collection[str] = ()) -> tuple[str, tuple[str, ...]]:
+    """Read a regular file of bounded size, and say what was repaired; devices and pipes are never opened."""
     try:
-        mode = path.stat().st_mode
-        if not stat.S_ISREG(mode):
-            kind = "a folder" if stat.S_ISDIR(mode) else "not a regular file"
-            raise ModelError(f"'{path}' is {kind}; give the path of a .urdf or .xacro file")
-        with path.open("rb") as file:
-            content = file.read(MAX_CHARACTERS + 1)
+        _check_regular(path, path.stat())
+        content = _read_bytes(path)
+    except ModelError:
+        raise
     except FileNotFoundError as error:
         raise ModelError(f"there is no file '{path}'{_neighbours(path)}") from error
     except (OSError, ValueError) as error:
         raise ModelError(f"'{path}' cannot be read: {error}") from error
     if len(content) > MAX_CHARACTERS:
         raise ModelError(f"'{path}' has more than {MAX_CHARACTERS} bytes: that is no URDF")
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise ModelError(
-            f"'{path}' is not UTF-8 text (byte {error.start}); save it as UTF-8"
-        ) from error
+    return decoded(content, f"'{path}'", repair)
+
+
+def _read_bytes(path: Path) -> bytes:
+    """Read a file that may have changed into a pipe or device meanwhile, without waiting for it."""
+    with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
+        _check_regular(path, os.fstat(file.fileno()))
+        return file.read(MAX_CHARACTERS + 1) or b""
+
+
+def _check_regular(path: Path, status: os.stat_result) -> None:
+    if not stat.S_ISREG(status.st_mode):
+        kind = "a folder" if stat.S_ISDIR(status.st_mode) else "not a regular file"
+        raise ModelError(f"'{path}' is {kind}; give the path of a .urdf or .xacro file")
 
 
 def _neighbours(path: Path) -> str:
@@ -174,27 +212,14 @@ def _neighbours(path: Path) -> str:
     return suggest(path.name, files) if files else ""
 
 
-def _expand_xacro(path: Path, text: str) -> str:
-    import xacro  # noqa: PLC0415  (on demand)
-
-    if has_doctype(text):
-        raise ModelError(f"'{path.name}' declares a DOCTYPE; a xacro file needs none: remove it")
-    try:
-        return str(xacro.process_file(str(path)).toxml())
-    except Exception as error:  # xacro evaluates expressions, so anything can come out of it
-        raise ModelError(
-            f"xacro cannot expand '{path.name}': {type(error).__name__}: {error}. Where it needs ROS packages or "
-            f"arguments, expand it there with `xacro {path.name} > robot.urdf`"
-        ) from error
-
-
 def _read_yourdfpy(urdf: Any, folders: tuple[Path, ...]) -> RobotText:
     try:
         text = urdf.write_xml_string()
+        text = text.decode() if isinstance(text, bytes) else str(text)
     except Exception as error:
         raise ModelError(f"yourdfpy cannot write this URDF out: {error}") from error
     return RobotText(
-        text.decode() if isinstance(text, bytes) else str(text),
+        text,
         "the yourdfpy.URDF",
         package_dirs=folders,
     )
@@ -231,7 +256,7 @@ def _read_example_robot(name: str, folders: tuple[Path, ...]) -> RobotText:
         )
     rotors = models / loader.path / loader.srdf_subpath / loader.srdf_filename
     return RobotText(
-        text=_read_text(models / file),
+        text=_read_text(models / file)[0],
         origin=f"'{name}' of example-robot-data",
         name=name,
         folder=(models / file).parent,

@@ -20,7 +20,13 @@ def captured_stderr() -> Iterator[Callable[[], str]]:
     except OSError:  # the process runs without standard error
         yield lambda: ""
         return
-    with tempfile.TemporaryFile() as sink:
+    try:
+        sink = tempfile.TemporaryFile()  # noqa: SIM115  (closed below)
+    except OSError:  # nowhere to write to
+        os.close(saved)
+        yield lambda: ""
+        return
+    with sink:
         os.dup2(sink.fileno(), 2)
 
         def messages() -> str:

@@ -7,6 +7,7 @@ import re
 from lxml import etree
 
 from ..exceptions import ModelError
+from .wording import shortened
 
 MAX_CHARACTERS = 8 * 1024 * 1024
 """Longest text that is read; the largest robot of example-robot-data has 0.2 million characters."""
@@ -14,10 +15,22 @@ MAX_CHARACTERS = 8 * 1024 * 1024
 MAX_DEPTH = 64
 """Deepest nesting of elements that is read."""
 
+MAX_TAGS = 200_000
+"""Most tags that are read; the largest robot of example-robot-data has 6 thousand."""
+
+MAX_ATTRIBUTES = 10_000
+"""Most equals signs in one tag: libxml2 compares each attribute with all others of its element."""
+
+MAX_NAME = 256
+"""Longest name of a robot, link or joint; the longest of example-robot-data has 56 characters."""
+
 LARGEST_NUMBER = 1e30
 """Largest magnitude of a number: products of a few such ones still fit into a float."""
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+"""A decimal number as it is read."""
+
+_LONGEST_NUMBERS = 1000  # characters of an attribute that holds numbers
 _SPACE = re.compile(r"\s*")
 _XACRO = (
     "This is xacro that has not been expanded: give the .xacro file itself, or expand it with "
@@ -43,6 +56,7 @@ def read_xml(text: str, origin: str) -> etree._Element:
         raise ModelError(f"{origin} has more than {MAX_CHARACTERS} characters: that is no URDF")
     if has_doctype(text):
         raise ModelError(f"{origin} declares a DOCTYPE; a URDF needs none: remove it")
+    _check_size(text, origin)
     parser = etree.XMLParser(
         encoding="utf-8",
         resolve_entities=False,
@@ -56,7 +70,8 @@ def read_xml(text: str, origin: str) -> etree._Element:
         root = etree.fromstring(text.encode(), parser)
     except (etree.XMLSyntaxError, UnicodeEncodeError) as error:
         hint = f". {_XACRO}" if "prefix xacro" in str(error) else ""
-        raise ModelError(f"{origin} is not well-formed XML: {error}{hint}") from error
+        reason = shortened(str(error), 300)
+        raise ModelError(f"{origin} is not well-formed XML: {reason}{hint}") from error
     _check_elements(root, origin)
     return root
 
@@ -77,6 +92,14 @@ def has_doctype(text: str) -> bool:
             return text.startswith("<!DOCTYPE", position)
 
 
+def _check_size(text: str, origin: str) -> None:
+    """Bound what the parser's time and memory grow with, before it starts."""
+    if text.count("<") > MAX_TAGS:
+        raise ModelError(f"{origin} has more than {MAX_TAGS} tags: that is no URDF")
+    if any(tag.count("=") > MAX_ATTRIBUTES for tag in text.split("<")):
+        raise ModelError(f"{origin} has more than {MAX_ATTRIBUTES} attributes in one tag")
+
+
 def _check_elements(root: etree._Element, origin: str) -> None:
     """Refuse nesting beyond the bound and what is left of xacro."""
     depth = 0
@@ -87,7 +110,7 @@ def _check_elements(root: etree._Element, origin: str) -> None:
         strings = (element.text or "", *element.attrib.values())
         if "wiki/xacro" in str(element.tag) or any("${" in s or "$(" in s for s in strings):
             line = element.sourceline
-            tag = etree.QName(element).localname
+            tag = shortened(etree.QName(element).localname)
             raise ModelError(f"{origin}, line {line}: <{tag}>. {_XACRO}")
 
 
@@ -97,11 +120,22 @@ def name_of(element: etree._Element) -> str:
 
 
 def text_of(element: etree._Element, attribute: str, where: str) -> str:
-    """Return an attribute that must be there and not empty; `where` is for the error."""
-    text = element.get(attribute, "")
+    """Return a name that must be there, not empty, printable and of bounded length; `where` is for the error."""
+    text = str(element.get(attribute, ""))
     if not text.strip():
         raise ModelError(f"{where}: <{element.tag}> needs the attribute {attribute}")
-    return str(text)
+    return checked_name(text, f"{where}: <{element.tag}> {attribute}")
+
+
+def checked_name(text: str, what: str) -> str:
+    """Return a name if it is printable and of bounded length; `what` says whose it is."""
+    if len(text) > MAX_NAME:
+        raise ModelError(
+            f'{what}="{shortened(text)}" has {len(text)} characters; a name has at most {MAX_NAME}'
+        )
+    if not text.isprintable():
+        raise ModelError(f'{what}="{shortened(text)}" holds control characters; rename it')
+    return text
 
 
 def only_child(element: etree._Element, tag: str, where: str) -> etree._Element | None:
@@ -158,12 +192,12 @@ def numbers_of(
     text = element.get(attribute)
     if text is None and default is not None:
         return default
-    words = (text or "").split()
-    if len(words) == count and all(_NUMBER.fullmatch(word) for word in words):
+    words = text.split() if text is not None and len(text) <= _LONGEST_NUMBERS else []
+    if len(words) == count and all(NUMBER.fullmatch(word) for word in words):
         numbers = tuple(float(word) + 0.0 for word in words)  # + 0.0: no -0.0
         if all(abs(number) <= LARGEST_NUMBER for number in numbers):
             return numbers
-    found = "is missing" if text is None else f'"{text[:80]}" is wrong'
+    found = "is missing" if text is None else f'"{shortened(text)}" is wrong'
     wanted = "one finite number" if count == 1 else f"{count} finite numbers"
     raise ModelError(
         f"{where}: <{element.tag}> {attribute} {found}; it takes {wanted} with decimal points "

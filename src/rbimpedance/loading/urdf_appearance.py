@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import io
 import logging
-from collections.abc import Iterator
+import os
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -15,6 +16,28 @@ from .._arrays import Array
 from ..exceptions import ModelError
 from .robot_sources import RobotText
 from .urdf_document import UrdfDocument, listed
+from .wording import shortened
+
+MAX_MESHES = 1000
+"""Most mesh files that are looked for when a robot is loaded."""
+
+MESH_SUFFIXES = frozenset(
+    (
+        ".stl",
+        ".stlb",
+        ".dae",
+        ".obj",
+        ".ply",
+        ".off",
+        ".glb",
+        ".gltf",
+        ".3mf",
+        ".3ds",
+        ".mesh",
+        ".wrl",
+    )
+)
+"""How mesh files end, in lower case."""
 
 RGBA = tuple[float, float, float, float]
 """Red, green, blue and opacity, each from 0 to 1."""
@@ -116,23 +139,26 @@ def read_shapes(xml: str) -> tuple[Shape, ...]:
 def find_mesh(address: str, text: Origin) -> Path | None:
     """Return the file that a mesh address means, or None where there is none.
 
+    Only files that are called like meshes are found, and only inside `package_dirs`, the document's package (the
+    folders below the nearest package.xml, else below the folder above the document's), or the package that a
+    `package://` address names: a description from elsewhere reaches no other file.
+
     Args:
         address: As written: `package://name/...`, `file://...`, or a path relative to the document.
         text: Where the document came from.
     """
     scheme, _, rest = address.rpartition("://")
     above = () if text.folder is None else (text.folder, *text.folder.parents)
+    places: list[tuple[Path, tuple[Path, ...]]] = []
     if scheme == "package":
-        places = [
-            folder / part
-            for folder in (*text.package_dirs, *above)
-            for part in _package_paths(rest)
-        ]
+        name, _, path = rest.partition("/")
+        for folder in (*text.package_dirs, *above) if name and path else ():
+            places += [(folder / rest, (folder / name,)), (folder / path, (folder,))]
     elif scheme in ("", "file"):
-        places = [folder / rest for folder in (*above[:1], *text.package_dirs)]
-    else:
-        return None
-    return next((place for place in places if place.is_file()), None)
+        allowed = (*text.package_dirs, *_own_package(text.folder))
+        places = [(folder / rest, allowed) for folder in (*above[:1], *text.package_dirs)]
+    plain = ((Path(os.path.normpath(place)), inside) for place, inside in places)
+    return next((place for place, inside in plain if _is_mesh(place, inside)), None)
 
 
 def appearance_notes(document: UrdfDocument, text: RobotText) -> tuple[str, ...]:
@@ -144,7 +170,7 @@ def appearance_notes(document: UrdfDocument, text: RobotText) -> tuple[str, ...]
     try:
         appearance = read_appearance(document.xml)
     except ModelError as error:
-        return (f"{error}: this matters for pictures only",)
+        return (f"{shortened(str(error), 300)}: this matters for pictures only",)
     movable = set(document.movable())
     for kind, found, read in (
         ("links", set(appearance.links), {link.name for link in document.links}),
@@ -156,12 +182,16 @@ def appearance_notes(document: UrdfDocument, text: RobotText) -> tuple[str, ...]
             raise ModelError(
                 f"{text.origin}: the {kind} {names} are read in one way and not in another"
             )
-    missing = [address for address in appearance.mesh_files if find_mesh(address, text) is None]
+    files = appearance.mesh_files
+    if len(files) > MAX_MESHES:
+        return (f"{len(files)} mesh files are named; more than {MAX_MESHES} are not looked for",)
+    missing = [address for address in files if find_mesh(address, text) is None]
     if not missing:
         return ()
     return (
-        f"{len(missing)} of {len(appearance.mesh_files)} mesh files are not there ({listed(missing, 2)}): this matters "
-        "for pictures only; name their folder with package_dirs=",
+        f"{len(missing)} of {len(files)} mesh files are not there, or outside the robot's package "
+        f"({listed([shortened(address, 200) for address in missing], 2)}): this matters for pictures only; name their "
+        "folder with package_dirs=",
     )
 
 
@@ -216,7 +246,26 @@ def _mesh_files(robot: Any) -> Iterator[str]:
                 yield str(shape.geometry.mesh.filename)
 
 
-def _package_paths(rest: str) -> tuple[str, ...]:
-    """`name/path` as it stands, and `path` alone where the folder given is the package itself."""
-    name, _, path = rest.partition("/")
-    return (rest, path) if path and name else (rest,)
+def _own_package(folder: Path | None) -> tuple[Path, ...]:
+    """The folder of the package that a document in this folder belongs to."""
+    if folder is None:
+        return ()
+    marked = (above for above in (folder, *folder.parents) if _is_file(above / "package.xml"))
+    return (next(marked, folder.parent),)
+
+
+def _is_mesh(path: Path, inside: Sequence[Path]) -> bool:
+    """Tell whether a path without `..` is in one of the folders and a file called like a mesh, a link's target too."""
+    return (
+        any(path.is_relative_to(os.path.normpath(folder)) for folder in inside)
+        and path.suffix.lower() in MESH_SUFFIXES
+        and _is_file(path)
+        and path.resolve().suffix.lower() in MESH_SUFFIXES
+    )
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a name too long, a folder that may not be entered, a NUL
+        return False

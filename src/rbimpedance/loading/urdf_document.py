@@ -8,11 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from lxml import etree
 
+from .._arrays import Array
+
 MOVABLE = ("revolute", "continuous", "prismatic", "floating", "planar")
 """Types of joints that move."""
 
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 """Attributes of <inertia>, in the order of `Inertial.inertia`."""
+
+
+_NO_LIMIT = float(np.finfo(np.float64).max)  # Pinocchio's; urdfdom reads no "inf"
 
 
 def listed(names: Sequence[str], most: int = 8) -> str:
@@ -37,11 +42,14 @@ class Inertial:
     rpy: tuple[float, ...]
     inertia: tuple[float, ...]
 
+    def matrix(self) -> Array:
+        """The rotational inertia about the centre of mass in its own axes, shape (3, 3)."""
+        xx, xy, xz, yy, yz, zz = self.inertia
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
     def principal(self) -> tuple[float, ...]:
         """The three principal moments of inertia, ascending."""
-        xx, xy, xz, yy, yz, zz = self.inertia
-        matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        return tuple(float(moment) for moment in np.linalg.eigvalsh(matrix))
+        return tuple(float(moment) for moment in np.linalg.eigvalsh(self.matrix()))
 
     def is_realisable(self) -> bool:
         """Tell whether the largest principal moment is at most the sum of the others, as in any rigid body."""
@@ -78,8 +86,8 @@ class Joint:
         xyz: Origin in the parent link [m].
         rpy: Roll, pitch and yaw of the joint's axes [rad].
         axis: Axis of motion, of any length but 0.
-        lower: Lower position limit [rad or m]; 0 on a continuous joint.
-        upper: Upper position limit [rad or m]; 0 on a continuous joint.
+        lower: Lower position limit [rad or m]; 0 on a continuous joint, -inf where there is none.
+        upper: Upper position limit [rad or m]; 0 on a continuous joint, +inf where there is none.
         effort: Largest torque or force; 0 where it is not given.
         velocity: Largest speed; 0 where it is not given.
         damping: Viscous friction [N·m·s/rad or N·s/m].
@@ -114,6 +122,7 @@ class UrdfDocument:
         gravity: Gravity that the document itself asks for, in the extension element
             `<rbimpedance><gravity xyz="0 0 -9.8"/></rbimpedance>`, [m/s²].
         xml: The whole document as it was parsed, without comments, entities and doctype.
+        repairs: What was mended on request while reading.
     """
 
     name: str
@@ -121,6 +130,7 @@ class UrdfDocument:
     joints: tuple[Joint, ...]
     gravity: tuple[float, ...] | None
     xml: str
+    repairs: tuple[str, ...] = ()
 
     def movable(self) -> tuple[str, ...]:
         """Names of the joints that are not fixed."""
@@ -160,7 +170,18 @@ class UrdfDocument:
         return carriers
 
     def notes(self) -> tuple[str, ...]:
-        """What is odd about the moving links and yet bearable."""
+        """What was repaired, and what is odd about joints and moving links and yet bearable."""
+        return (*self.repairs, *self._limit_notes(), *self._inertia_notes())
+
+    def _limit_notes(self) -> tuple[str, ...]:
+        limitless = [j.name for j in self.joints if np.isinf([j.lower, j.upper]).any()]
+        if not limitless:
+            return ()
+        return (
+            f"a position limit beyond every joint is taken as not given at {listed(limitless)}",
+        )
+
+    def _inertia_notes(self) -> tuple[str, ...]:
         carriers = self.carriers()
         odd = [
             link.name
@@ -206,7 +227,8 @@ def _write_joint(robot: etree._Element, joint: Joint) -> None:
         return
     etree.SubElement(element, "axis", xyz=_join(joint.axis))
     keys = ("lower", "upper", "effort", "velocity")
-    etree.SubElement(element, "limit", {key: repr(getattr(joint, key)) for key in keys})
+    limits = {key: np.clip(getattr(joint, key), -_NO_LIMIT, _NO_LIMIT) for key in keys}
+    etree.SubElement(element, "limit", {key: repr(float(x)) for key, x in limits.items()})
     etree.SubElement(
         element, "dynamics", damping=repr(joint.damping), friction=repr(joint.friction)
     )

@@ -8,13 +8,18 @@ ring of links, a second parent) and goes on.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from copy import deepcopy
+from dataclasses import replace
 
 from lxml import etree
 
 from .._suggestions import suggest
 from ..exceptions import ModelError
+from .repair import REPAIRS, mended
 from .strict_xml import (
+    MAX_NAME,
+    checked_name,
     name_of,
     non_negative_of,
     number_of,
@@ -25,48 +30,83 @@ from .strict_xml import (
     text_of,
 )
 from .urdf_document import MOMENTS, MOVABLE, Inertial, Joint, Link, Mimic, UrdfDocument, listed
+from .wording import shortened
 
 MAX_LINKS = 1000
-"""Most links that are read: readers of URDF recurse over them."""
+"""Most links, and most joints, that are read: readers of URDF recurse over them."""
+
+LARGEST_ANGLE = 1e6
+"""Largest roll, pitch or yaw [rad]: a larger one has no digits left that mean a direction."""
+
+FARTHEST_LIMIT = 1e4
+"""Largest position limit that is one [rad or m]; larger ones (1e16 stands for "none" in SDF) are taken as not given."""
 
 _KINDS = (*MOVABLE, "fixed")
 _RESERVED = "universe"
 _NO_MOMENT = 1e-12  # kg·m²; smaller ones are rounding
 
 
-def parse_urdf(text: str, origin: str) -> UrdfDocument:
+def parse_urdf(text: str, origin: str, repair: Collection[str] = ()) -> UrdfDocument:
     """Read a URDF from text.
 
     Args:
         text: The XML text.
         origin: Where the text came from, for errors.
+        repair: Names of the `REPAIRS` that may be made.
 
     Returns:
         The document; every number in it is finite, names are unique and the links form one tree.
 
     Raises:
-        ModelError: What is wrong, in which element, and what would be right.
+        ModelError: What is wrong, in which element, what would be right, and which repair would mend it.
     """
     root = read_xml(text, origin)
     if root.tag != "robot":
-        raise ModelError(f"{origin} is no URDF: its root element is <{root.tag}>, not <robot>")
-    try:
-        links = tuple(_read_link(element) for element in root.findall("link"))
-        joints = tuple(_read_joint(element) for element in root.findall("joint"))
-        gravity = root.find("rbimpedance/gravity")
-        document = UrdfDocument(
-            name=root.get("name") or "robot",
-            links=links,
-            joints=joints,
-            gravity=None if gravity is None else numbers_of(gravity, "xyz", 3, "<rbimpedance>"),
-            xml=str(etree.tostring(root, encoding="unicode")),
+        raise ModelError(
+            f"{origin} is no URDF: its root element is <{shortened(str(root.tag))}>, not <robot>"
         )
-        _check_names(document)
-        _check_tree(document)
-        _check_moments(document)
+    given = deepcopy(root) if repair else root
+    made = mended(root, repair)
+    try:
+        return replace(_document(root), repairs=tuple(said for _, said in made))
     except ModelError as error:
-        raise ModelError(f"{origin}: {error}") from None
+        offer = _offered_repair(given, repair, str(error))
+        raise ModelError(f"{origin}: {error}{offer}") from None
+
+
+def _document(root: etree._Element) -> UrdfDocument:
+    """Read the links, joints and gravity of a <robot>, and check that they belong together."""
+    links, joints = root.findall("link"), root.findall("joint")
+    for kind, count in (("links", len(links)), ("joints", len(joints))):
+        if count > MAX_LINKS:
+            raise ModelError(f"{count} {kind}; at most {MAX_LINKS} are read")
+    gravity = root.find("rbimpedance/gravity")
+    document = UrdfDocument(
+        name=checked_name(root.get("name") or "robot", "<robot> name"),
+        links=tuple(_read_link(element) for element in links),
+        joints=tuple(_read_joint(element) for element in joints),
+        gravity=None if gravity is None else numbers_of(gravity, "xyz", 3, "<rbimpedance>"),
+        xml=str(etree.tostring(root, encoding="unicode")),
+    )
+    _check_names(document)
+    _check_tree(document)
+    _check_moments(document)
     return document
+
+
+def _offered_repair(root: etree._Element, made: Collection[str], fault: str) -> str:
+    """Name the repair after which a fault is gone; empty where there is none."""
+    for kind in REPAIRS:
+        trial = deepcopy(root)
+        if kind in made or not mended(trial, (*made, kind)):
+            continue
+        try:
+            _document(trial)
+        except ModelError as error:
+            if str(error) == fault:
+                continue
+        return f'; repair="{kind}" mends this (--repair on the command line)'
+    return ""
 
 
 def _read_link(element: etree._Element) -> Link:
@@ -93,7 +133,8 @@ def _read_joint(element: etree._Element) -> Joint:
     where = f"joint '{name}'"
     kind = element.get("type", "")
     if kind not in _KINDS:
-        raise ModelError(f"{where} has the unknown type '{kind}'{suggest(kind, _KINDS)}")
+        near = suggest(kind[:MAX_NAME], _KINDS)
+        raise ModelError(f"{where} has the unknown type '{shortened(kind)}'{near}")
     parent, child = (
         text_of(required_child(element, tag, where), "link", where) for tag in ("parent", "child")
     )
@@ -151,7 +192,14 @@ def _read_limit(
     lower, upper = (number_of(limit, key, where, 0.0) for key in ("lower", "upper"))
     if lower > upper:
         raise ModelError(f"{where}: the lower limit {lower} is above the upper limit {upper}")
-    return lower, upper, effort, velocity
+    if lower > FARTHEST_LIMIT or upper < -FARTHEST_LIMIT:
+        raise ModelError(f"{where}: no joint gets between the limits {lower} and {upper}")
+    return (
+        -math.inf if lower < -FARTHEST_LIMIT else lower,
+        math.inf if upper > FARTHEST_LIMIT else upper,
+        effort,
+        velocity,
+    )
 
 
 def _read_friction(element: etree._Element, where: str) -> tuple[float, float]:
@@ -177,7 +225,10 @@ def _pose(element: etree._Element, where: str) -> tuple[tuple[float, ...], tuple
     zero = (0.0, 0.0, 0.0)
     if origin is None:
         return zero, zero
-    return numbers_of(origin, "xyz", 3, where, zero), numbers_of(origin, "rpy", 3, where, zero)
+    rpy = numbers_of(origin, "rpy", 3, where, zero)
+    if max(map(abs, rpy)) > LARGEST_ANGLE:
+        raise ModelError(f"{where}: <origin> rpy {rpy} are no angles; give them in rad")
+    return numbers_of(origin, "xyz", 3, where, zero), rpy
 
 
 def _check_names(document: UrdfDocument) -> None:
@@ -195,8 +246,6 @@ def _check_tree(document: UrdfDocument) -> None:
     names = [link.name for link in document.links]
     if not names:
         raise ModelError("there is no <link>")
-    if len(names) > MAX_LINKS:
-        raise ModelError(f"{len(names)} links; at most {MAX_LINKS} are read")
     children: dict[str, list[str]] = {name: [] for name in names}
     parents: dict[str, str] = {}
     for joint in document.joints:

@@ -1,0 +1,1 @@
+"""Malformed and hostile robot descriptions, each with the outcome that is right."""
