@@ -216,7 +216,7 @@ def _with_rule(row: Mapping[str, Any]) -> str:
 
 def draw(data: Mapping[str, Any], out: Path) -> None:
     """Lightest mass over the age of the readings."""
-    figure, axes = plt.subplots(figsize=(6.0, 4.0), layout="constrained")
+    figure, axes = plt.subplots(figsize=(6.0, 4.8), layout="constrained")
     rows = [row for row in data["rows"] if row["place"] == FIRST]
     for i, ratio in enumerate(RATIOS):
         for plant, mark, words in (("exact", "o", ""), ("heavy", "x", ", 2 kg and 10 % unknown")):
@@ -236,7 +236,7 @@ def draw(data: Mapping[str, Any], out: Path) -> None:
         xlabel="age of the force readings + half a period [ms]",
         ylabel="lightest M_x with stable contact [kg]",
     )
-    axes.legend(fontsize=7)
+    figure.legend(loc="outside lower center", ncols=2, fontsize=7)
     figure.savefig(out / "contact_delay.png", dpi=150)
     plt.close(figure)
 
