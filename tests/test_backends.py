@@ -352,7 +352,9 @@ def test_warming_up_changes_nothing(backend: Backend, rng: np.random.Generator) 
 
 def test_agreement_is_checked_once_for_each_arm(monkeypatch: pytest.MonkeyPatch) -> None:
     seen = []
-    monkeypatch.setattr(dynamics.CompiledDynamics, "_check", lambda _, arm, *__: seen.append(arm.name))
+    monkeypatch.setattr(
+        dynamics.CompiledDynamics, "_check", lambda _, arm, *__: seen.append(arm.name)
+    )
     c = controller(arms.manipulator(), "compiled")
     c.with_impedance(rbi.Impedance(1.0, 5.0, 10.0))
     assert seen == ["manipulator"]
