@@ -204,6 +204,14 @@ def test_worker_answers_and_is_timed_in_microseconds() -> None:
         assert worker.timer("back")(3).tolist() == [1.5, 1.5, 1.5]
 
 
+def test_worker_writes_its_logs_elsewhere(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    code = "import sys; sys.stdin.readline(); print(open('LOG', 'w').write('said'))"
+    with Worker([sys.executable, "-c", code]) as worker:
+        assert worker.call("log").tolist() == [4]
+    assert not list(tmp_path.iterdir())
+
+
 def test_worker_that_ends_leaves_its_last_words() -> None:
     with Worker([sys.executable, "-c", ECHO]) as worker, pytest.raises(WorkerError) as raised:
         worker.call("die")

@@ -15,7 +15,9 @@ from .workers import WorkerError
 
 def cache_folder() -> Path:
     """Return the folder for environments and binaries: rbimpedance in `XDG_CACHE_HOME`, ~/.cache by default."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "rbimpedance"
+    return (
+        Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser().absolute() / "rbimpedance"
+    )
 
 
 def interpreter(name: str, module: str, requirements: Sequence[str]) -> str:

@@ -132,7 +132,7 @@ def start(stack: ExitStack, urdf: Path, names: tuple[str, ...], sources: Path = 
     for name in names:
         try:
             command, number = _program(name, sources)
-            started.workers[name] = stack.enter_context(Worker([*command, str(urdf)]))
+            started.workers[name] = stack.enter_context(Worker([*command, str(urdf.resolve())]))
             started.versions[name] = number
         except WorkerError as error:
             started.reasons[name] = str(error)

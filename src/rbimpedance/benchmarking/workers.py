@@ -10,6 +10,7 @@ The C++ loop and the peers are such programs. Only one of them works at a time, 
 from __future__ import annotations
 
 import subprocess
+import tempfile
 from collections.abc import Iterable, Sequence
 from types import TracebackType
 
@@ -24,25 +25,28 @@ class WorkerError(Exception):
 
 
 class Worker:
-    """One running program.
+    """One running program, in a folder of its own that goes with it: some engines write logs where they run.
 
     Args:
-        command: What to run.
+        command: What to run; paths in it are absolute.
 
     Raises:
         WorkerError: It cannot be run.
     """
 
     def __init__(self, command: Sequence[str]) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="rbimpedance-")
         try:
             self._process = subprocess.Popen(
                 command,
+                cwd=self._folder.name,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
                 text=True,
             )
         except OSError as error:
+            self._folder.cleanup()
             raise WorkerError(str(error.strerror)) from error
 
     def __enter__(self) -> Worker:
@@ -56,6 +60,7 @@ class Worker:
     ) -> None:
         self._process.kill()
         self._process.communicate()
+        self._folder.cleanup()
 
     def call(self, what: str, numbers: Iterable[float] = ()) -> Array:
         """Have it do something once.
