@@ -47,7 +47,7 @@ def markdown(report: Report, figure: str) -> str:
     parts = [_markdown_table(("", "measured on"), [list(x) for x in report.machine.items()])]
     parts.append(f"![Costs as ratios]({figure})")
     for section in report.sections:
-        parts += [f"### {section.title}", section.text, _markdown_table(*_cells(section))]
+        parts += [f"## {section.title}", section.text, _markdown_table(*_cells(section))]
     return "\n\n".join(parts)
 
 
