@@ -38,6 +38,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"result", "energy", "observers", "estimators", "loop"}),
     frozenset({"safety"}),
     frozenset({"snapshot", "checkpointing"}),
+    frozenset({"plants"}),
     frozenset({"simulation"}),
     frozenset({"scenarios", "tuning", "study"}),
     frozenset(

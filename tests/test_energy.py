@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 import rbimpedance as rbi
 from rbimpedance.energy import energy_balance
 from rbimpedance.interaction import Push, Wall
-from rbimpedance.simulation.integrators import Integrator
+from rbimpedance.plants.integrators import Integrator
 from rbimpedance.trajectories import cosine, hold
 
 from .arms import ARMS, manipulator, pendulum

@@ -29,16 +29,14 @@ class RunState(NamedTuple):
 
     Attributes:
         tick: The tick that comes next.
-        q: Configuration of the plant, shape (nq,).
-        v: Its velocity, shape (nv,) [rad/s or m/s].
+        plant: State of the plant.
         tau: Torque held since the tick before, shape (nv,) [N·m or N].
         controller: State of the controller.
         sensor: State of the sensor.
     """
 
     tick: int
-    q: Array
-    v: Array
+    plant: Any
     tau: Array
     controller: Any
     sensor: Any
@@ -203,7 +201,7 @@ class Checkpoint:
 def _at(tick: int, memory: Sequence[Array]) -> RunState:
     """The state of a run whose memory is a number of arrays."""
     none = np.zeros(0)
-    return RunState(tick, none, none, none, tuple(np.array(array) for array in memory), None)
+    return RunState(tick, none, none, tuple(np.array(array) for array in memory), None)
 
 
 def _row_type(channels: Channels) -> np.dtype[Any]:

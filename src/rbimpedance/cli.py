@@ -32,10 +32,10 @@ from .impedance import Impedance
 from .interaction import FrameWrench
 from .loading.encoding import decoded
 from .loading.strict_xml import MAX_CHARACTERS
+from .plants.integrators import Integrator
 from .result import SimulationResult
 from .robots import load_robot
 from .scenarios import Scenario, SurfaceName, paper, paper_comparison, paper_surface
-from .simulation.integrators import Integrator
 from .super_twisting import Scheme, SuperTwisting
 from .tracking import Knowledge
 from .trajectories import cosine

@@ -22,9 +22,9 @@ from .dynamics import ArmModel
 from .exceptions import GainError
 from .impedance import Impedance
 from .interaction import FrameWrench, Interaction
+from .plants.integrators import Integrator
 from .result import SimulationResult
 from .robots import load_robot
-from .simulation.integrators import Integrator
 from .simulation.single import simulate
 from .super_twisting import Scheme, SuperTwisting
 from .surfaces import FastTerminalSurface, NonsingularTerminalSurface, PowerSurface, Surface

@@ -15,10 +15,11 @@ from ..controller import Controller
 from ..dynamics import ArmModel
 from ..exceptions import DimensionError, GainError
 from ..interaction import Interaction, TimeFunction
+from ..plants import Plant
+from ..plants.integrators import Integrator
 from ..trajectories import Trajectory
 from .batch_run import run_worlds
 from .closed_loop import CHANNELS, ClosedLoop
-from .integrators import Integrator
 from .sampling import tick_times
 from .single import check_choice, check_whole, closed_loop
 
@@ -60,7 +61,7 @@ class BatchResult:
 
 def simulate_batch(
     controller: Controller[Any] | Sequence[Controller[Any]],
-    plant: ArmModel | Sequence[ArmModel],
+    plant: ArmModel | Plant[Any] | Sequence[ArmModel | Plant[Any]],
     trajectory: Trajectory | Sequence[Trajectory],
     *,
     wrench: Interaction | ArrayLike | TimeFunction | Sequence[Any] | None = None,

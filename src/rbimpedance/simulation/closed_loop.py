@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -14,11 +14,11 @@ from ..controller import Controller
 from ..dynamics import ArmModel
 from ..exceptions import DivergenceError, GainError
 from ..interaction import Interaction, Sensor
-from ..pinocchio_dynamics import PinocchioDynamics
+from ..plants import Motion, Plant, RigidPlant
+from ..plants.integrators import Integrator
 from ..result import SimulationResult, provenance
 from ..snapshot import fingerprint
 from ..trajectories import Trajectory
-from .integrators import INTEGRATORS, Integrator
 from .sampling import tick_times
 
 SPEED_BOUND = 1e4
@@ -44,6 +44,7 @@ class ClosedLoop:
     Attributes:
         controller: The controller.
         plant: The simulated arm; a run works on a copy, so that it shares no work space with the controller.
+        engine: What moves it; None for rigid links by ABA.
         trajectory: Desired motion.
         environment: What pushes on the plant.
         sensor: What tells the controller of that.
@@ -56,6 +57,7 @@ class ClosedLoop:
 
     controller: Controller[Any]
     plant: ArmModel
+    engine: Plant[Any] | None
     trajectory: Trajectory
     environment: Interaction
     sensor: Sensor[Any]
@@ -99,7 +101,11 @@ class ClosedLoop:
             substeps=self.substeps,
             integrator=self.integrator,
             sensor=self.sensor,
+            **self._engine(),
         )
+
+    def _engine(self) -> dict[str, Any]:
+        return {} if self.engine is None else {"engine": self.engine}
 
     def result(self, channels: dict[str, Any], samples: int) -> SimulationResult:
         """Return the first samples of a log as a result."""
@@ -112,6 +118,7 @@ class ClosedLoop:
                 substeps=self.substeps,
                 integrator=self.integrator,
                 sensor=self.sensor,
+                **self._engine(),
             ),
             plant=self.plant,
         )
@@ -131,27 +138,27 @@ def run(
         DivergenceError: A joint left every sensible range.
         SnapshotError: The checkpoint is of another run, or damaged.
     """
-    loop = replace(loop, plant=loop.plant.copy())
-    controller, plant, sensor = loop.controller, loop.plant, loop.sensor
-    period, log = _Period(loop), _Log(loop.ticks + 1, plant.nq, plant.nv)
-    start = RunState(0, loop.q, loop.v, np.zeros(plant.nv), controller.init(), sensor.init())
+    controller, sensor, period = loop.controller, loop.sensor, _Period(loop)
+    plant, log = period.plant, _Log(loop.ticks + 1, loop.plant.nq, loop.plant.nv)
+    moved = plant.begin(loop.q, loop.v, loop.h)
+    start = RunState(0, moved, np.zeros(loop.plant.nv), controller.init(), sensor.init())
     if checkpoint is not None:
         start = checkpoint.begin(start, log.channels, loop.fingerprint())
-    first, q, v, tau, state, sensed = start
+    first, moved, tau, state, sensed = start
     for k in range(first, loop.ticks + 1):
-        t = k * controller.dt
-        tau_ext = loop.environment.torque(plant, t, q, v)
+        t, (q, v) = k * controller.dt, plant.measured(moved)
+        tau_ext = plant.external_torque(moved, loop.environment, t)
         told, sensed = sensor.step(sensed, q, v, tau, tau_ext)
         output, state = controller.step(state, q, v, loop.trajectory(t), told)
         tau = output.tau
-        a = plant.unchecked.forward_dynamics(q, v, tau + tau_ext)
-        log.write(k, q, v, output, controller.impedance_error(output, a), tau_ext)
+        a = plant.acceleration(moved, tau, tau_ext)
+        log.write(k, plant.motion(moved), output, controller.impedance_error(output, a), tau_ext)
         if on_tick is not None:
             on_tick(k, loop.ticks)
         if k < loop.ticks:
-            q, v = period.advance(k, q, v, tau, log)
+            moved = period.advance(k, moved, tau, log)
             if checkpoint is not None:
-                checkpoint.offer(RunState(k + 1, q, v, tau, state, sensed), log.channels)
+                checkpoint.offer(RunState(k + 1, moved, tau, state, sensed), log.channels)
     return loop.result(log.channels, loop.ticks + 1)
 
 
@@ -159,32 +166,22 @@ class _Period:
     """The plant between two ticks."""
 
     def __init__(self, loop: ClosedLoop) -> None:
-        self.loop, self.h = loop, loop.h
-        self.dynamics: PinocchioDynamics = loop.plant.unchecked
-        self.step = INTEGRATORS[loop.integrator]
-        self.friction_is_stiff = loop.friction_is_stiff()
+        self.loop = loop
+        self.plant: Plant[Any] = loop.engine or RigidPlant(
+            loop.plant, loop.integrator, loop.friction_is_stiff()
+        )
 
-    def advance(self, k: int, q: Array, v: Array, tau: Array, log: _Log) -> tuple[Array, Array]:
+    def advance(self, k: int, moved: Any, tau: Array, log: _Log) -> Any:
         """Advance by one control period under a held torque."""
-        loop, plant, h = self.loop, self.loop.plant, self.h
-
-        def acceleration(t: float, q: Array, v: Array) -> Array:
-            if not np.isfinite(q).all():  # a stage of a diverging step: ended by the check below
-                return np.full(plant.nv, np.nan)
-            torque = tau + loop.environment.torque(plant, t, q, v)
-            if self.friction_is_stiff:
-                return self.dynamics.damped_forward_dynamics(q, v, torque, h)
-            return self.dynamics.forward_dynamics(q, v, torque)
-
+        loop, h = self.loop, self.loop.h
         for i in range(loop.substeps):
             t = k * loop.controller.dt + i * h
-            with np.errstate(over="ignore", invalid="ignore"):
-                q, v = self.step(self.dynamics, acceleration, t, q, v, h)
-            speed = np.abs(v)
+            moved = self.plant.step(moved, tau, loop.environment, t, h)
+            speed = np.abs(self.plant.motion(moved).v)
             if not (speed < SPEED_BOUND).all():
                 joint = int(np.argmax(speed))  # NaN counts as the largest
                 raise loop.divergence(k, joint, log.channels)
-        return q, v
+        return moved
 
 
 class _Log:
@@ -193,9 +190,9 @@ class _Log:
     def __init__(self, samples: int, nq: int, nv: int) -> None:
         self.channels = empty_channels(samples, nq, nv)
 
-    def write(self, k: int, q: Array, v: Array, output: Any, e_im: Array, tau_ext: Array) -> None:
+    def write(self, k: int, motion: Motion, output: Any, e_im: Array, tau_ext: Array) -> None:
         channels = self.channels
-        channels["q"][k], channels["v"][k] = q, v
+        channels["q"][k], channels["v"][k] = motion
         channels["e_im"][k], channels["tau_ext"][k] = e_im, tau_ext
         for name in ("q_r", "e1", "e2", "s", "tau", "saturated"):
             channels[name][k] = getattr(output, name)

@@ -114,6 +114,8 @@ def judged_world(loop: ClosedLoop, known: dict[int, Controlled], states: int) ->
 
 def reason_against(loop: ClosedLoop) -> str | None:
     """Return what of a loop has no compiled form, in words, or None; what arms have none, the tables say."""
+    if loop.engine is not None:
+        return f"its {type(loop.engine).__name__}"
     for part, kind in ((loop.controller, ImpedanceController), (loop.sensor, Perfect)):
         if type(part) is not kind:
             return f"its {type(part).__name__}"

@@ -14,17 +14,18 @@ from ..controller import Backend, Controller
 from ..dynamics import ArmModel
 from ..exceptions import GainError
 from ..interaction import Interaction, Perfect, Sensor, TimeFunction, as_interaction
+from ..plants import Plant
+from ..plants.integrators import INTEGRATORS, Integrator
 from ..result import SimulationResult
 from ..trajectories import Trajectory
 from .closed_loop import ClosedLoop, OnTick, run
 from .fused_run import run_fused
-from .integrators import INTEGRATORS, Integrator
 from .rollout import run_compiled
 
 
 def simulate(
     controller: Controller[Any],
-    plant: ArmModel,
+    plant: ArmModel | Plant[Any],
     trajectory: Trajectory,
     *,
     wrench: Interaction | ArrayLike | TimeFunction | None = None,
@@ -46,7 +47,7 @@ def simulate(
     Args:
         controller: Any object with `arm`, `dt`, `init`, `step` and `impedance_error`.
         plant: The arm that is simulated; give it what the controller does not know. It is copied: controller and
-            plant never share a model.
+            plant never share a model. Rigid links by Pinocchio's ABA; or another `Plant`, run in Python.
         trajectory: Desired motion as a function of time.
         wrench: Environment: None, an `Interaction` (`FrameWrench`, `JointTorque`, ...), or a wrench (6,) at the tool
             frame in world axes, constant or as a function of time.
@@ -56,7 +57,7 @@ def simulate(
         v0: Initial velocity, shape (nv,); at rest by default.
         duration: Length of the run [s], a multiple of the control period.
         substeps: Physics steps per control period, a positive whole number.
-        integrator: "semi-implicit" (Euler, first order) or "rk4" (fourth order).
+        integrator: "semi-implicit" (Euler, first order) or "rk4" (fourth order); other plants have their own.
         backend: Who computes the loop: Python around the controller and Pinocchio; or "compiled" for all of it as one
             compiled function, equal to rounding (docs/realtime.md), for an `ImpedanceController` with any backend,
             every `Interaction` of the library, and no sensor. Trajectory and functions of time are then sampled ahead,
@@ -97,7 +98,7 @@ def simulate(
 
 def closed_loop(
     controller: Controller[Any],
-    plant: ArmModel,
+    plant: ArmModel | Plant[Any],
     trajectory: Trajectory,
     *,
     wrench: Interaction | ArrayLike | TimeFunction | None = None,
@@ -112,18 +113,20 @@ def closed_loop(
     ticks = _number_of_ticks(duration, controller.dt)
     check_whole("substeps", substeps, "the period is a multiple of the physics step")
     check_choice("integrator", integrator, INTEGRATORS)
-    if (controller.arm.nq, controller.arm.nv) != (plant.nq, plant.nv):
+    arm, engine = (plant, None) if isinstance(plant, ArmModel) else (plant.arm, plant)
+    if (controller.arm.nq, controller.arm.nv) != (arm.nq, arm.nv):
         words = f"an arm with the controller's nq, nv = {controller.arm.nq}, {controller.arm.nv}"
         raise GainError("plant", repr(plant), words)
-    q = plant.neutral if q0 is None else plant.check_configuration("q0", q0)
+    q = arm.neutral if q0 is None else arm.check_configuration("q0", q0)
     return ClosedLoop(
         controller=controller,
-        plant=plant,
+        plant=arm,
+        engine=engine,
         trajectory=trajectory,
         environment=as_interaction(wrench),
         sensor=Perfect() if sensor is None else sensor,
         q=np.array(q),
-        v=np.zeros(plant.nv) if v0 is None else vector("v0", v0, plant.nv).copy(),
+        v=np.zeros(arm.nv) if v0 is None else vector("v0", v0, arm.nv).copy(),
         ticks=ticks,
         substeps=substeps,
         integrator=integrator,
