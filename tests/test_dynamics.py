@@ -551,6 +551,17 @@ def test_neutral_is_moved_into_the_limits() -> None:
     assert_array_equal(arm.neutral, [0.5, -0.25, 0.0, 0.0, 0.0, 0.0])
 
 
+def test_joint_positions_count_from_the_zero_configuration(spinner: rbi.ArmModel) -> None:
+    assert_allclose(spinner.integrate(spinner.zero, [0.7]), turn(0.7), atol=1e-15)
+    assert_allclose(spinner.difference(spinner.zero, turn(-0.7)), [-0.7], atol=1e-15)
+
+
+def test_zero_configuration_does_not_heed_the_limits() -> None:
+    panda = rbi.load_robot("panda")
+    assert panda.neutral[3] == panda.upper[3]
+    assert panda.zero[3] == 0.0
+
+
 def test_neutral_of_a_continuous_joint_is_angle_zero(spinner: rbi.ArmModel) -> None:
     assert_array_equal(spinner.neutral, [1.0, 0.0, 0.0, 0.0])
 

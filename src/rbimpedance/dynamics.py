@@ -129,6 +129,15 @@ class ArmModel:
         return pin.Model(self.unchecked.model)
 
     @property
+    def zero(self) -> Array:
+        """The configuration in which every joint is at 0, limits or not, shape (nq,).
+
+        `integrate(arm.zero, angles)` turns joint positions, shape (nv,), into a configuration, and
+        `difference(arm.zero, q)` turns it back.
+        """
+        return np.array(pin.neutral(self.unchecked.model))
+
+    @property
     def frame_names(self) -> tuple[str, ...]:
         """Names of all frames, in Pinocchio's order."""
         return tuple(frame.name for frame in self.unchecked.model.frames)
