@@ -35,7 +35,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"robots", "model_building"}),
     frozenset({"limits", "telemetry", "compiled"}),
     frozenset({"controller", "lean", "tracking", "reference_guard", "baselines", "_baseline"}),
-    frozenset({"result", "energy", "observers", "estimators", "loop"}),
+    frozenset({"result", "energy", "observers", "estimators", "encoders", "loop"}),
     frozenset({"safety"}),
     frozenset({"snapshot", "checkpointing"}),
     frozenset({"plants"}),
@@ -51,6 +51,9 @@ LAYERS: tuple[frozenset[str], ...] = (
             "visualization",
             "cli",
             "_report",
+            "_study_command",
+            "_study_figures",
+            "_study_report",
             "_tuning_report",
             "_terminal",
             "__main__",
@@ -67,7 +70,10 @@ KNOW_PINOCCHIO = {
     "viewing",
     "benchmarking",
 }
-HEAVY = ("matplotlib", "meshcat", "numba", "rich", "typer", "yourdfpy")
+HEAVY = (
+    *("dask", "distributed", "matplotlib", "meshcat", "mujoco", "numba", "pyarrow", "rich"),
+    *("typer", "yourdfpy"),
+)
 
 
 def _at_run_time(tree: ast.AST) -> Iterator[ast.AST]:

@@ -19,13 +19,13 @@ from rbimpedance.benchmarking.cases import chain, inputs, load
 from rbimpedance.benchmarking.comparison import computed_torques
 from rbimpedance.benchmarking.goals import section as goals
 from rbimpedance.benchmarking.loop_tables import batch, loop
-from rbimpedance.benchmarking.plain_urdf import plain
 from rbimpedance.benchmarking.plan import QUICK
 from rbimpedance.benchmarking.report import RATIO, Line, Report, Section
 from rbimpedance.benchmarking.setting import Setting
 from rbimpedance.benchmarking.tick_tables import TOTAL, linear_fit, phases, tick
 from rbimpedance.benchmarking.timing import interleaved, timer
 from rbimpedance.benchmarking.workers import Worker, WorkerError
+from rbimpedance.loading.plain_urdf import plain
 
 from .command_line import call
 

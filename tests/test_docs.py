@@ -39,6 +39,8 @@ def blocks(path: Path, language: str) -> list[str]:
 def test_every_line_of_a_recipe_runs(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    for extra in re.findall(r"rbimpedance\[(\w+)\]", path.read_text(encoding="utf-8")):
+        pytest.importorskip(extra)  # named as what it brings
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {"__name__": path.stem}
     with mpl.rc_context():

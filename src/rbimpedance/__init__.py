@@ -20,6 +20,7 @@ from .controller import ControllerOutput as ControllerOutput
 from .controller import ControllerState as ControllerState
 from .controller import ImpedanceController as ImpedanceController
 from .dynamics import ArmModel as ArmModel
+from .encoders import QuantizedEncoders as QuantizedEncoders
 from .energy import energy_balance as energy_balance
 from .estimators import MomentumObserver as MomentumObserver
 from .estimators import SuperTwistingMomentumObserver as SuperTwistingMomentumObserver
@@ -47,6 +48,9 @@ from .lean import LeanController as LeanController
 from .limits import Limits as Limits
 from .observers import SuperTwistingDisturbanceObserver as SuperTwistingDisturbanceObserver
 from .observers import observe as observe
+from .plants import DrivenPlant as DrivenPlant
+from .plants import MujocoPlant as MujocoPlant
+from .plants import engine_agreement as engine_agreement
 from .reference_guard import ReferenceGuard as ReferenceGuard
 from .result import SimulationResult as SimulationResult
 from .robots import load_robot as load_robot
@@ -60,6 +64,11 @@ from .snapshot import load_snapshot as load_snapshot
 from .snapshot import save_snapshot as save_snapshot
 from .stability import Certificate as Certificate
 from .stability import certify as certify
+from .study import Experiment as Experiment
+from .study import Study as Study
+from .study import Task as Task
+from .study import run_study as run_study
+from .study import summarize as summarize
 from .super_twisting import SuperTwisting as SuperTwisting
 from .surfaces import FastTerminalSurface as FastTerminalSurface
 from .surfaces import NonsingularTerminalSurface as NonsingularTerminalSurface

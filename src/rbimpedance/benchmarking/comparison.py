@@ -12,12 +12,12 @@ import numpy as np
 from .._arrays import Array
 from ..controller import ImpedanceController
 from ..dynamics import ArmModel
+from ..loading.plain_urdf import plain
 from ..robots import load_robot
 from . import ticks
 from .cases import BACKENDS, DT, Inputs, controller, inputs
 from .loops import step_timer
 from .peers import PEERS, SOURCES, STEP, Started, Task, start
-from .plain_urdf import plain
 from .report import RATIO, Line, Section
 from .setting import Setting
 from .timing import Timer, interleaved, median, timer
