@@ -1,6 +1,6 @@
-"""The command line: `rbimpedance paper`, `run`, `tune`, `inspect`, `view` and `bench`.
+"""The command line: `rbimpedance paper`, `run`, `tune`, `inspect`, `view`, `bench` and `study`.
 
-Exit codes: 0 done, 1 the run failed (it diverged), 2 bad input.
+Exit codes: 0 done, 1 the run failed (it diverged), 2 bad input, 130 a study was stopped by Ctrl-C.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from . import __version__, plotting
 from ._arrays import Array
 from ._files import remove_parts
 from ._report import comparison_figures, comparison_table, result_figures, result_table
+from ._study_command import study
 from ._terminal import number, print_json, print_table, progress, stderr, stdout, table
 from ._tuning_report import case_names, gains_table, torque_table, worst_table
 from .benchmarking.command import bench
@@ -426,6 +427,7 @@ def view_command(
 
 
 app.command(epilog="Example: rbimpedance bench panda --save before.json")(bench)
+app.command(epilog="Example: rbimpedance study standard --jobs 2")(study)
 
 
 @app.callback(invoke_without_command=True)

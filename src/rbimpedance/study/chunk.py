@@ -1,0 +1,187 @@
+"""The runs of one robot under one disturbance: rows, whatever comes of them."""
+
+from __future__ import annotations
+
+import functools
+import platform
+import re
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from time import perf_counter
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from ..controller import Controller
+from ..exceptions import DivergenceError
+from ..simulation import simulate
+from .definition import Experiment, Study, Task
+from .measures import Figures, measure
+
+VERSIONS = ("rbimpedance", "pin", "numpy")
+"""Distributions whose versions are in every row, and in a study's identity."""
+
+Maker: TypeAlias = Callable[[Task], Controller[Any]]
+"""Makes a controller."""
+
+_ADDRESS = re.compile(r"0x[0-9a-fA-F]{6,}")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What came of a chunk.
+
+    Attributes:
+        rows: One for each run, samples first, controllers within.
+        seconds: What the runs of each controller took [s]; and "task", making what they are made for.
+    """
+
+    rows: list[Figures]
+    seconds: dict[str, float]
+
+
+class Tasks:
+    """The tasks of one study, each made once and then kept."""
+
+    def __init__(self, study: Study) -> None:
+        self._study = study
+        self._made: dict[str, Task | Exception] = {}
+
+    def __call__(self, robot: str) -> Task:
+        """Return the task on a robot, or raise what making it raised."""
+        if robot not in self._made:
+            try:
+                self._made[robot] = self._study.robots[robot]()
+            except Exception as error:  # each of its runs is then a failed one
+                self._made[robot] = error
+        made = self._made[robot]
+        if isinstance(made, Exception):
+            raise made
+        return made
+
+
+def run_chunk(
+    study: Study,
+    robot: str,
+    disturbance: str,
+    tasks: Tasks,
+    on_run: Callable[[], None] = lambda: None,
+) -> Answer:
+    """Run all samples of one robot under one disturbance with all controllers.
+
+    Args:
+        study: The study.
+        robot: Name of the robot.
+        disturbance: Name of the disturbance.
+        tasks: The tasks of the study in this process.
+        on_run: Called after every run.
+    """
+    rows: list[Figures] = []
+    begin = perf_counter()
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # of runs that diverge
+        with suppress(Exception):  # which every run meets anew
+            tasks(robot)
+        seconds = {"task": perf_counter() - begin} | dict.fromkeys(study.controllers, 0.0)
+        for sample in range(study.samples):
+            for controller in study.controllers:
+                begin = perf_counter()
+                run = functools.partial(_run, study, tasks, robot, disturbance, sample, controller)
+                rows.append(key(study, robot, disturbance, sample, controller) | _tried(run))
+                seconds[controller] += perf_counter() - begin
+                on_run()
+    return Answer(rows, seconds)
+
+
+def lost(study: Study, robot: str, disturbance: str, reason: str) -> list[Figures]:
+    """Return the rows of a chunk that no worker survived.
+
+    Args:
+        study: The study.
+        robot: Name of the robot.
+        disturbance: Name of the disturbance.
+        reason: What is known of it.
+    """
+    return [
+        key(study, robot, disturbance, sample, controller) | _failed(reason)
+        for sample in range(study.samples)
+        for controller in study.controllers
+    ]
+
+
+def key(study: Study, robot: str, disturbance: str, sample: int, controller: str) -> Figures:
+    """Return the columns that tell a run from all others."""
+    return {
+        "study": study.name,
+        "robot": robot,
+        "disturbance": disturbance,
+        "sample": sample,
+        "controller": controller,
+        "seed": study.seed,
+    } | versions()
+
+
+@functools.cache
+def versions() -> dict[str, str]:
+    """Return what computes here, by column."""
+    found = {"version_python": platform.python_version()}
+    for name in VERSIONS:
+        try:
+            found[f"version_{name}"] = version(name)
+        except PackageNotFoundError:
+            found[f"version_{name}"] = "unknown"
+    return found
+
+
+def _tried(run: Callable[[], Figures]) -> Figures:
+    """What a run returns, or how it failed."""
+    try:
+        return run()
+    except Exception as error:
+        return _failed(f"{type(error).__name__}: {error}")
+
+
+def _failed(reason: str) -> Figures:
+    return {"status": "failed", "reason": _ADDRESS.sub("0x...", reason)}
+
+
+def _run(
+    study: Study, tasks: Tasks, robot: str, disturbance: str, sample: int, controller: str
+) -> Figures:
+    """Simulate and measure one run."""
+    task = tasks(robot)
+    drawn = study.disturbances[disturbance](task, study.generator(robot, disturbance, sample))
+    inputs = {f"input_{name}": float(value) for name, value in drawn.inputs.items()}
+    make = study.controllers[controller]
+    return inputs | _tried(lambda: _simulated(study, task, drawn, make))
+
+
+def _simulated(study: Study, task: Task, drawn: Experiment, make: Maker) -> Figures:
+    try:
+        result = simulate(
+            drawn.around(make(task)),
+            drawn.plant,
+            drawn.trajectory,
+            wrench=drawn.wrench,
+            sensor=drawn.sensor,
+            q0=drawn.q0,
+            duration=study.duration,
+            substeps=study.substeps,
+        )
+    except DivergenceError as error:
+        return {
+            "status": "diverged",
+            "reason": f"joint '{error.joint}' left every range",
+            "diverged_at": error.time,
+            "worst_joint": error.joint,
+        }
+    figures = measure(result, task, drawn.trajectory, study.after)
+    unsound = [
+        name
+        for name, value in figures.items()
+        if isinstance(value, float) and not np.isfinite(value)
+    ]
+    if unsound:
+        return _failed(f"{unsound[0]} is not finite")
+    return {"status": "done"} | figures

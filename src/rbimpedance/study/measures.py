@@ -1,0 +1,98 @@
+"""What is measured on a run: how far the arm was from what was asked for, and what that cost in torque."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from .._arrays import Array
+from ..dynamics import ArmModel
+from ..exceptions import GainError
+from ..result import SimulationResult
+from ..simulation.sampling import sample
+from ..trajectories import Trajectory
+from .definition import Task
+
+Figures: TypeAlias = dict[str, Any]
+"""Columns of the table by name."""
+
+
+def measure(result: SimulationResult, task: Task, trajectory: Trajectory, after: float) -> Figures:
+    """Return the figures of one run, from the true motion of the arm.
+
+    `e1_*`: error to the controller's own reference q_r, from the true q. `deviation_*`: distance of the true motion
+    from `target_motion`, which no controller has a part in. `e_im_*`: impedance error as the controller logs it, with
+    the errors that it sees. `max` is over joints and time, `rms` over both, `e1_end` the largest at the last tick.
+
+    Args:
+        result: The run.
+        task: What its controller was made for.
+        trajectory: Desired motion.
+        after: Leave out the samples before this time [s].
+
+    Raises:
+        GainError: Fewer than two samples remain.
+    """
+    kept = result.t >= after
+    if np.count_nonzero(kept) < 2:
+        raise GainError("after", after, f"before the last two samples, below {result.t[-1]:g} s")
+    e1 = _differences(task.arm, result.q, result.q_r)[kept]
+    deviation = _differences(task.arm, result.q, target_motion(result, task, trajectory))[kept]
+    e_im, tau = result.e_im[kept], result.tau[kept]
+    span = result.t[kept][-1] - result.t[kept][0]
+    worst = int(np.argmax(np.abs(deviation).max(axis=0)))
+    return {
+        "e1_max": _largest(e1),
+        "e1_rms": _rms(e1),
+        "e1_end": _largest(e1[-1]),
+        "e_im_max": _largest(e_im),
+        "e_im_rms": _rms(e_im),
+        "deviation_max": _largest(deviation),
+        "deviation_rms": _rms(deviation),
+        "worst_joint": result.joint_names[worst],
+        "tau_variation": float(np.abs(np.diff(tau, axis=0)).sum() / span),
+        "tau_peak": _largest(tau),
+        "tau_rms": _rms(tau),
+        "saturated": float(result.saturated[kept].any(axis=1).mean()),
+    }
+
+
+def target_motion(result: SimulationResult, task: Task, trajectory: Trajectory) -> Array:
+    """Return the motion of the target impedance under the true torque of the environment, shape (N, nq).
+
+    q* = q_d (+) q_e with M_d a_e + D_d v_e + K_d q_e = tau_ext (paper, eqs. 3 and 4) from rest, and the logged tau_ext
+    held from tick to tick.
+
+    Args:
+        result: The run.
+        task: What its controller was made for.
+        trajectory: Desired motion.
+    """
+    arm = task.arm
+    target = task.impedance.filter(arm.nv, result.provenance["dt"])
+    q_e, v_e = np.zeros(arm.nv), np.zeros(arm.nv)
+    deflection = np.empty_like(result.tau_ext)
+    for k, tau_ext in enumerate(result.tau_ext):
+        deflection[k] = q_e
+        q_e, v_e = target.advance(q_e, v_e, tau_ext)
+    q_d = np.broadcast_to(sample(arm, trajectory, result.t).q, result.q.shape)
+    if arm.nq == arm.nv:
+        return np.asarray(q_d + deflection)
+    pairs = zip(q_d, deflection, strict=True)
+    return np.array([arm.unchecked.integrate(q, step) for q, step in pairs])
+
+
+def _differences(arm: ArmModel, q0: Array, q1: Array) -> Array:
+    """Row by row q1 (-) q0."""
+    if arm.nq == arm.nv:
+        return np.asarray(q1 - q0)
+    return np.array([arm.unchecked.difference(a, b) for a, b in zip(q0, q1, strict=True)])
+
+
+def _largest(values: Array) -> float:
+    return float(np.abs(values).max())
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
