@@ -54,8 +54,23 @@ def test_every_controller_bears_the_beginning_of_every_disturbance(task: Task, n
             sensor=experiment.sensor,
             q0=experiment.q0,
             duration=0.01,
+            substeps=experiment.substeps or STANDARD.substeps,
         )
         assert np.isfinite(result.tau).all()
+
+
+@pytest.mark.parametrize("robot", ARMS)
+def test_steps_are_short_enough_for_every_gear_that_is_drawn(robot: str) -> None:
+    arm = ARMS[robot].model()
+    target = rbi.Impedance(mass=1.0, damping=10.0, stiffness=20.0)
+    task = Task(robot=robot, arm=arm, impedance=target, dt=1e-3)
+    for sample in range(STANDARD.samples):
+        name = "elastic joints"
+        experiment = DISTURBANCES[name](task, STANDARD.generator(robot, name, sample))
+        assert isinstance(experiment.plant, rbi.DrivenPlant)
+        assert experiment.q0 is not None
+        h = task.dt / (experiment.substeps or STANDARD.substeps)
+        experiment.plant.begin(experiment.q0, np.zeros(arm.nv), h)
 
 
 def test_gains_are_proposed_for_all_that_is_drawn(task: Task) -> None:

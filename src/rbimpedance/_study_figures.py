@@ -10,13 +10,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ._arrays import Array
-from ._figure_style import COLORS, STYLE, NotebookFigure
+from ._figure_style import STYLE, NotebookFigure
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 _FLOOR = 1e-9  # deviations below it are drawn at it [rad]
-_WIDEST = 4.0  # factor at which the map's colours end
+_WIDEST = 32.0  # factor at which the map's colours end
+_COLORS = mpl.color_sequences["petroff10"]  # ten that most eyes tell apart
 _MARKERS = "oXsD^vPp<>hd"
 
 
@@ -63,12 +64,12 @@ def ratio_map(table: pa.Table) -> Figure:
         reach = np.log(_WIDEST)
         picture = axes.imshow(shown, cmap="PuOr_r", aspect="auto", vmin=-reach, vmax=reach)
         bar = figure.colorbar(picture, ax=axes, extend="both", label="ours / best of the others")
-        ticks = [0.25, 0.5, 1.0, 2.0, 4.0]
-        bar.set_ticks(np.log(ticks).tolist(), labels=[f"{tick:g}" for tick in ticks])
+        ticks = {"1/32": -5, "1/8": -3, "1/2": -1, "1": 0, "2": 1, "8": 3, "32": 5}
+        bar.set_ticks([power * np.log(2.0) for power in ticks.values()], labels=list(ticks))
         for i, k in np.ndindex(ratios.shape):
             value = ratios[i, k]
             text = f"{value:.2g}" if np.isfinite(value) else "lost" if value > 0.0 else "alone"
-            dark = np.isfinite(value) and abs(np.log(value)) > 0.7 * reach
+            dark = np.isfinite(value) and abs(np.log(value)) > 0.55 * reach
             color = "w" if dark else "k"
             axes.text(k, i, text, ha="center", va="center", fontsize=7.0, color=color)
         axes.set_xticks(range(len(robots)), robots, rotation=30, ha="right")
@@ -91,7 +92,7 @@ def pareto(table: pa.Table) -> Figure:
             of_name = [row for row in rows if row["controller"] == name]
             x = np.array([row["tau_variation"] for row in of_name])
             y = 10.0 ** _logs(of_name, "deviation_rms")
-            color, marker = COLORS[i % len(COLORS)], _MARKERS[i % len(_MARKERS)]
+            color, marker = _COLORS[i % len(_COLORS)], _MARKERS[i % len(_MARKERS)]
             axes.plot(x, y, ".", color=color, markersize=2.0, alpha=0.25, zorder=1)
             middle = ([np.median(x)], [np.median(y)]) if of_name else ([], [])
             (point,) = axes.plot(*middle, marker, color=color, label=name, linestyle="none")
@@ -110,7 +111,7 @@ FIGURES = {"deviation": deviations, "ratio": ratio_map, "pareto": pareto}
 
 
 def _draw_spread(axes: Axes, i: int, logs: Array) -> None:
-    color = COLORS[i % len(COLORS)]
+    color = _COLORS[i % len(_COLORS)]
     if len(logs) > 1 and np.ptp(logs) > 0.0:
         drawn: Any = axes.violinplot(
             [logs], [i], orientation="horizontal", widths=0.85, showextrema=False

@@ -167,7 +167,7 @@ def _simulated(study: Study, task: Task, drawn: Experiment, make: Maker) -> Figu
             sensor=drawn.sensor,
             q0=drawn.q0,
             duration=study.duration,
-            substeps=study.substeps,
+            substeps=study.substeps if drawn.substeps is None else drawn.substeps,
         )
     except DivergenceError as error:
         return {

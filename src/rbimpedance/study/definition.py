@@ -70,6 +70,7 @@ class Experiment:
         sensor: What tells the controller of the environment; the truth by default.
         q0: Initial configuration, shape (nq,); the plant's neutral one by default.
         around: Puts the sensors and actuators around a controller that are part of the disturbance.
+        substeps: Physics steps per control period, where the plant needs others than the study has.
         inputs: What was drawn, by name; columns `input_*` of the table.
     """
 
@@ -79,6 +80,7 @@ class Experiment:
     sensor: Sensor[Any] | None = None
     q0: Array | None = None
     around: Callable[[Controller[Any]], Controller[Any]] = unchanged
+    substeps: int | None = None
     inputs: Mapping[str, float] = field(default_factory=dict)
 
 

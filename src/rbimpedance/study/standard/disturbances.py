@@ -33,6 +33,9 @@ COUNTS = 2**21
 ENCODER_BANDWIDTH = 2000.0
 """Of the low-pass behind the encoders' differences [rad/s]."""
 
+SPRING_SUBSTEPS = 8
+"""Physics steps per control period that the stiffest gear on the lightest link needs."""
+
 
 @dataclass(frozen=True)
 class Chirp:
@@ -135,7 +138,8 @@ def elastic_joints(task: Task, rng: np.random.Generator) -> Experiment:
     """Gears that yield, encoders on the motors: nothing that the gains are made for."""
     draws = Draws(task, rng)
     stiffness = draws.log_uniform("joint_stiffness", 5e3, 2e4)
-    return draws.experiment(DrivenPlant(draws.loaded(task.arm), stiffness=stiffness))
+    yielding = DrivenPlant(draws.loaded(task.arm), stiffness=stiffness)
+    return draws.experiment(yielding, substeps=SPRING_SUBSTEPS)
 
 
 def counting(controller: Controller[Any]) -> Controller[Any]:
