@@ -552,8 +552,8 @@ def test_neutral_is_moved_into_the_limits() -> None:
 
 
 def test_joint_positions_count_from_the_zero_configuration(spinner: rbi.ArmModel) -> None:
-    assert_allclose(spinner.integrate(spinner.zero, [0.7]), turn(0.7), atol=1e-15)
-    assert_allclose(spinner.difference(spinner.zero, turn(-0.7)), [-0.7], atol=1e-15)
+    assert_allclose(spinner.integrate(spinner.zero, [0.7, 0.1, -0.2]), turn(0.7), atol=1e-15)
+    assert_allclose(spinner.difference(spinner.zero, turn(-0.7)), [-0.7, 0.1, -0.2], atol=1e-15)
 
 
 def test_zero_configuration_does_not_heed_the_limits() -> None:

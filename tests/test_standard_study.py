@@ -73,6 +73,14 @@ def test_steps_are_short_enough_for_every_gear_that_is_drawn(robot: str) -> None
         experiment.plant.begin(experiment.q0, np.zeros(arm.nv), h)
 
 
+def test_all_controllers_compute_with_the_same_model(task: Task) -> None:
+    q = task.arm.neutral
+    M = task.model.mass_matrix(q)
+    assert not np.array_equal(M, task.arm.mass_matrix(q))  # it carries a part of the payload
+    for make in CONTROLLERS.values():
+        np.testing.assert_array_equal(make(task).arm.mass_matrix(q), M)
+
+
 def test_gains_are_proposed_for_all_that_is_drawn(task: Task) -> None:
     stated = task.known.uncertainty
     for experiment in drawn(task, "everything"):

@@ -35,7 +35,7 @@ class Task:
 
     Attributes:
         robot: Name of the robot in the study.
-        arm: The arm as it is modelled.
+        arm: The arm as it is described, with nothing in its hand.
         impedance: Target impedance.
         dt: Control period [s].
         proposal: Gains proposed for what is not known; None where the study proposes none.
@@ -46,6 +46,11 @@ class Task:
     impedance: Impedance
     dt: float
     proposal: GainProposal | None = None
+
+    @property
+    def model(self) -> ArmModel:
+        """What controllers compute with: the proposal's model, which may carry a part of the payload, or the arm."""
+        return self.arm if self.proposal is None else self.proposal.arm
 
     @property
     def known(self) -> GainProposal:

@@ -1,8 +1,9 @@
 """The ten controllers of the standard study.
 
-All are made from the same knowledge: the model, the proposal for what is not known, and the period. The sliding modes
-and Slotine-Li get what the proposal's bounds allow: a gain that exceeds the largest disturbance, and a bandwidth at
-which a first-order loop keeps a phase margin of about 50° behind the largest delay and the highest input gain.
+All are made from the same knowledge: the model with the payload that the proposal puts into it, the proposal's bounds
+for the rest, and the period. The sliding modes and Slotine-Li get what these bounds allow: a gain that exceeds the
+largest disturbance, and a bandwidth at which a first-order loop keeps a phase margin of about 50° behind the largest
+delay and the highest input gain.
 """
 
 from __future__ import annotations
@@ -76,17 +77,17 @@ def papers_law_with_proposed_gains(task: Task) -> ImpedanceController:
 
 def computed_torque(task: Task) -> ComputedTorqueImpedance:
     """Return impedance control by inverse dynamics."""
-    return ComputedTorqueImpedance(task.arm, task.impedance, task.dt)
+    return ComputedTorqueImpedance(task.model, task.impedance, task.dt)
 
 
 def pd_gravity(task: Task) -> PDGravity:
     """Return joint stiffness with gravity compensation."""
-    return PDGravity(task.arm, task.impedance, task.dt)
+    return PDGravity(task.model, task.impedance, task.dt)
 
 
 def pd_plus(task: Task) -> PDPlus:
     """Return the same with feed-forward of the desired motion."""
-    return PDPlus(task.arm, task.impedance, task.dt)
+    return PDPlus(task.model, task.impedance, task.dt)
 
 
 def sign(task: Task) -> FirstOrderSlidingMode:
@@ -108,7 +109,7 @@ def slotine_li(task: Task) -> SlotineLi:
     """Return the passivity-based law, its gain the bandwidth times the smallest effective inertia of each joint."""
     rate, bandwidth, _ = first_order_gains(task)
     gain = bandwidth * task.known.mismatch.inertia
-    return SlotineLi(task.arm, task.impedance, rate, gain, task.dt)
+    return SlotineLi(task.model, task.impedance, rate, gain, task.dt)
 
 
 CONTROLLERS: Mapping[str, Callable[[Task], Controller[Any]]] = MappingProxyType(
@@ -130,10 +131,10 @@ CONTROLLERS: Mapping[str, Callable[[Task], Controller[Any]]] = MappingProxyType(
 
 def _power(task: Task, reaching: SuperTwisting) -> ImpedanceController:
     surface = PowerSurface(gamma=3.0, exponent=5.0 / 3.0)
-    return ImpedanceController(task.arm, task.impedance, surface, reaching, task.dt)
+    return ImpedanceController(task.model, task.impedance, surface, reaching, task.dt)
 
 
 def _first_order(task: Task, smoothing: Smoothing) -> FirstOrderSlidingMode:
     rate, bandwidth, gain = first_order_gains(task)
     width = None if smoothing == "sign" else gain / bandwidth
-    return FirstOrderSlidingMode(task.arm, task.impedance, rate, gain, task.dt, smoothing, width)
+    return FirstOrderSlidingMode(task.model, task.impedance, rate, gain, task.dt, smoothing, width)

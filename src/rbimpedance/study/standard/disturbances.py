@@ -59,7 +59,7 @@ class Chirp:
 
 def nothing(task: Task, rng: np.random.Generator) -> Experiment:
     """The plant is what the controllers take it for."""
-    return Draws(task, rng).experiment(task.arm)
+    return Draws(task, rng).experiment(task.model)
 
 
 def payload(task: Task, rng: np.random.Generator) -> Experiment:
@@ -69,9 +69,9 @@ def payload(task: Task, rng: np.random.Generator) -> Experiment:
 
 
 def friction(task: Task, rng: np.random.Generator) -> Experiment:
-    """Friction in every joint, viscous and dry."""
+    """Friction in every joint, viscous and dry, of an arm that is known otherwise."""
     draws = Draws(task, rng)
-    return draws.experiment(draws.rubbing(task.arm))
+    return draws.experiment(draws.rubbing(task.model))
 
 
 def everything(task: Task, rng: np.random.Generator) -> Experiment:
@@ -119,10 +119,10 @@ def delay(task: Task, rng: np.random.Generator) -> Experiment:
 
 
 def no_force_sensor(task: Task, rng: np.random.Generator) -> Experiment:
-    """The push again, told by a momentum observer, which takes the mass in the hand for a push, too."""
+    """The push again, told by a momentum observer, which takes for a push what it does not know of the payload, too."""
     draws = Draws(task, rng)
     wrench = Push(draws.wrench(3.0, 8.0), start=1.5, duration=2.0, rise=0.3)
-    sensor = MomentumObserver(task.arm, OBSERVER_GAIN, task.dt)
+    sensor = MomentumObserver(task.model, OBSERVER_GAIN, task.dt)
     return draws.experiment(draws.loaded(task.arm), wrench=wrench, sensor=sensor)
 
 
