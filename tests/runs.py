@@ -7,6 +7,7 @@ import numpy as np
 from rbimpedance import ArmModel, SimulationResult
 from rbimpedance._arrays import Array
 from rbimpedance.result import provenance
+from rbimpedance.telemetry import FLAGS
 
 
 class _NoController:
@@ -30,6 +31,7 @@ def swung(
     q = np.array([arm.integrate(arm.neutral, x * ones) for x in swing])
     wrench = np.zeros(6) if force is None else np.append(force, np.zeros(3))
     zeros = np.zeros((len(t), arm.nv))
+    flags = {name: zeros.astype(np.bool_) for name in FLAGS}
     return SimulationResult(
         t=t,
         q=q,
@@ -41,7 +43,7 @@ def swung(
         s=zeros,
         tau=zeros,
         tau_ext=np.array([arm.external_torque(x, wrench) for x in q]),
-        saturated=zeros.astype(np.bool_),
         provenance=provenance(_NoController(), arm),
         plant=arm,
+        **flags,
     )

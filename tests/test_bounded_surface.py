@@ -87,6 +87,7 @@ def test_arm_far_away_comes_at_the_bounded_speed_and_settles() -> None:
         )
         speeds[name] = float(np.abs(result.v).max())
         assert np.abs(result.e1[-1]).max() < 1e-5
+        assert_array_equal(result.clipped, (np.abs(result.e1) > E) & (name == "bounded"))
         still, state = np.zeros(arm.nv), controller.init()
         flags[name], _ = controller.step(state, start, still, trajectory(0.0), still)
     assert speeds["free"] > 1.5 * float(FAST.speed(E))

@@ -68,6 +68,8 @@ def test_torque_never_changes_faster_than_the_limit_and_the_arm_still_settles(
     free, limited = _run(None, scheme=scheme), _run(Limits(rate=[1000.0, 300.0]), scheme=scheme)
     assert (_largest_rate(free) > [1000.0, 300.0]).all()
     assert (_largest_rate(limited) <= np.array([1000.0, 300.0]) * (1.0 + 1e-12)).all()
+    steps = np.abs(np.diff(limited.tau, axis=0)) / DT
+    assert_array_equal(limited.rate_limited[1:], np.isclose(steps, [1000.0, 300.0], rtol=1e-9))
     assert np.abs(limited.e1[limited.t >= 2.0]).max() < 1e-5
 
 

@@ -65,19 +65,22 @@ def test_reference_that_stays_inside_is_left_alone() -> None:
         expected = getattr(bare, name)
         scale = np.abs(expected).max()
         assert_allclose(getattr(guarded, name), expected, rtol=0.0, atol=1e-10 * scale)
+    assert not guarded.held.any()
 
 
 @pytest.mark.parametrize("torque", [0.0, 30.0, -30.0])
 def test_reference_stays_within_the_ends_whatever_drives_it(torque: float) -> None:
     arm = spinner()  # the slide and the tilt go from -1.5 to 2, the spin has no end
     guard = ReferenceGuard(controller(arm), margin=[0.0, 0.1, 0.3], velocity=20.0)
-    q_r = reach(swing(guard, 2.5, torque), arm, "q_r")
+    result = swing(guard, 2.5, torque)
+    q_r = reach(result, arm, "q_r")
     late = jerk(swing(controller(arm), 2.5, torque)) * DT * 0.1**2 / 8.0  # what a period brings
     assert late < 1e-3
     assert q_r[:, 0].max() > 2.4 or q_r[:, 0].min() < -2.4
     for joint, margin in ((1, 0.1), (2, 0.3)):
         assert q_r[:, joint].max() <= 2.0 - margin + late
         assert q_r[:, joint].min() >= -1.5 + margin - late
+        assert result.held[:, joint].any()
         near = np.minimum(2.0 - margin - q_r[:, joint], q_r[:, joint] + 1.5 - margin)
         assert near.min() < 1e-2  # it does get there
 

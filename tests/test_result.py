@@ -13,19 +13,20 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 import rbimpedance as rbi
+from rbimpedance.telemetry import FLAGS
 from rbimpedance.trajectories import hold
 
 from . import arms
 
 Array = NDArray[np.float64]
 REALS = ("t", "q", "v", "q_r", "e1", "e2", "e_im", "s", "tau", "tau_ext")
-CHANNELS = (*REALS, "saturated")
+CHANNELS = (*REALS, *FLAGS)
 
 
 def result(t: Array, **channels: Any) -> rbi.SimulationResult:
     """Two joints; channels that are not given are zero."""
     arrays: dict[str, Any] = {name: np.zeros((len(t), 2)) for name in REALS if name != "t"}
-    arrays["saturated"] = np.zeros((len(t), 2), dtype=np.bool_)
+    arrays |= {name: np.zeros((len(t), 2), dtype=np.bool_) for name in FLAGS}
     arrays |= {name: np.array(x, dtype=float) for name, x in channels.items()}
     provenance = {"plant": {"joint_names": ["hip", "knee"]}, "note": "π"}
     return rbi.SimulationResult(t=t, **arrays, provenance=provenance)
@@ -235,7 +236,7 @@ def test_damaged_member_is_refused(run: rbi.SimulationResult, tmp_path: Path, na
 
 
 def header(**changes: Any) -> Array:
-    return np.array(json.dumps({"format": 1, "units": {}, "provenance": {}} | changes))
+    return np.array(json.dumps({"format": 2, "units": {}, "provenance": {}} | changes))
 
 
 ZEROS = {name: np.zeros(3) for name in CHANNELS}
@@ -244,16 +245,16 @@ FOREIGN: dict[str, tuple[dict[str, Any], str]] = {
     "header is no JSON": (ZEROS | {"header": np.array("{")}, "not a whole result file"),
     "header is a list": (ZEROS | {"header": np.array("[1]")}, "not a whole result file"),
     "header is an object": (
-        ZEROS | {"header": np.array([{"format": 1}], dtype=object)},
+        ZEROS | {"header": np.array([{"format": 2}], dtype=object)},
         "not a whole result file",
     ),
-    "no provenance": (ZEROS | {"header": np.array('{"format": 1}')}, "not a whole result file"),
+    "no provenance": (ZEROS | {"header": np.array('{"format": 2}')}, "not a whole result file"),
     "no arrays": ({"header": header()}, "not a whole result file"),
     "pickled array": (
         ZEROS | {"header": header(), "tau": np.array([1.0, None], dtype=object)},
         "not a whole result file",
     ),
-    "another format": (ZEROS | {"header": header(format=99)}, "format 99; this version reads 1"),
+    "another format": (ZEROS | {"header": header(format=99)}, "format 99; this version reads 2"),
 }
 
 

@@ -16,13 +16,14 @@ import rbimpedance as rbi
 from rbimpedance import interaction
 from rbimpedance.compiled import say_once
 from rbimpedance.simulation import closed_loop, single
+from rbimpedance.telemetry import FLAGS
 from rbimpedance.trajectories import SampledTrajectory, cosine, hold, waypoints
 
 from . import arms
 
 Array = NDArray[np.float64]
 FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
-CHANNELS = ("t", "q", "v", "q_r", "e1", "e2", "e_im", "s", "tau", "tau_ext", "saturated")
+CHANNELS = ("t", *closed_loop.CHANNELS)
 
 
 def build(arm: rbi.ArmModel, dt: float = 1e-3, **changes: Any) -> rbi.ImpedanceController:
@@ -142,8 +143,17 @@ LAWS: dict[str, dict[str, Any]] = {
     },
     "mass only": {"knowledge": "mass"},
     "limits": {"limits": [3.0, 18.0, 4.0]},
+    "limited rate": {"limits": rbi.Limits(rate=[50.0, 2000.0, 50.0])},
+    "bounded surface": {"surface": rbi.BoundedSurface(rbi.FastTerminalSurface(2.0, 3.0, 0.6), 1e-3)},
     "compiled controller": {"backend": "compiled"},
 }  # fmt: skip
+
+
+def held_back_by(law: dict[str, Any]) -> set[str]:
+    """Flags that one of the laws above raises."""
+    limits = law.get("limits")
+    flags = {"rate_limited" if isinstance(limits, rbi.Limits) else "saturated"} if limits else set()
+    return flags | ({"clipped"} if isinstance(law.get("surface"), rbi.BoundedSurface) else set())
 
 
 @pytest.mark.parametrize("backend", ["pinocchio", "compiled"])
@@ -154,7 +164,7 @@ def test_every_law_runs_as_in_the_readable_form(law: dict[str, Any], backend: An
     settings: Any = {"wrench": [3.0, -2.0, 1.0, 0.1, 0.2, -0.3], "duration": 0.1, "substeps": 1}
     run = rbi.simulate(*given, **settings, backend=backend)
     assert_same(run, readable(*given, **settings), 1e-10)
-    assert run.saturated.any() == ("limits" in law)
+    assert {name for name in FLAGS if getattr(run, name).any()} == held_back_by(law)
 
 
 def test_stiff_friction_is_taken_at_the_end_of_the_step() -> None:

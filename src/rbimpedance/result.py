@@ -20,6 +20,7 @@ from ._arrays import Array, BoolArray
 from ._leaf import leaf
 from .dynamics import ArmModel
 from .exceptions import GainError, ModelError
+from .telemetry import FLAGS
 
 if TYPE_CHECKING:
     from .visualization import Environment, Viewer
@@ -38,11 +39,10 @@ UNITS = {
     "s": "rad/s or m/s",
     "tau": "N·m or N",
     "tau_ext": "N·m or N",
-    "saturated": "bool",
-}
+} | dict.fromkeys(FLAGS, "bool")
 """Unit of every channel."""
 
-_FORMAT = 1
+_FORMAT = 2
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -61,6 +61,9 @@ class SimulationResult:
         tau: Motor torque held from t on, shape (N, nv) [N·m or N].
         tau_ext: Torque of the environment at t, shape (N, nv) [N·m or N].
         saturated: Whether the joint is at its torque limit, shape (N, nv), bool.
+        rate_limited: Whether its torque may not change faster, shape (N, nv), bool.
+        clipped: Whether a `BoundedSurface` sees less than its whole error, shape (N, nv), bool.
+        held: Whether a `ReferenceGuard` holds its reference back, shape (N, nv), bool.
         provenance: What produced it: versions, model names and digests, gains, periods.
         plant: The simulated arm, for pictures; None in a result from a file, which does not hold it.
     """
@@ -76,6 +79,9 @@ class SimulationResult:
     tau: Array
     tau_ext: Array
     saturated: BoolArray
+    rate_limited: BoolArray
+    clipped: BoolArray
+    held: BoolArray
     provenance: Mapping[str, Any]
     plant: ArmModel | None = None
 

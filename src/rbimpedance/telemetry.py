@@ -6,6 +6,9 @@ from typing import NamedTuple
 
 from ._arrays import Array, BoolArray
 
+FLAGS = ("saturated", "rate_limited", "clipped", "held")
+"""Fields of `ControllerOutput` that say what held a joint back; a run's log has them, too."""
+
 
 class ControllerState(NamedTuple):
     """Everything that a controller remembers from one tick to the next.

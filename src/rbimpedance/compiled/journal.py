@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .._arrays import Array
 from ._jit import fused, inline
-from .output import E1, E2, FLAGS, Q_R, Q_R_SIN, SATURATED, TAU, S
+from .output import CLIPPED, E1, E2, FLAGS, Q_R, Q_R_SIN, RATE_LIMITED, SATURATED, TAU, S
 from .plant import Motion
 from .tables import CONTINUOUS, KIND, Q_INDEX, ArmTables
 
@@ -27,7 +27,10 @@ class Journal(NamedTuple):
         s: Sliding variable.
         tau: Motor torque.
         tau_ext: Torque of the environment.
-        saturated: 1 where the joint is at its limit.
+        saturated: 1 where the joint is at its torque limit.
+        rate_limited: 1 where its torque may not change faster.
+        clipped: 1 where its surface sees less than the whole error.
+        held: 0: what holds references back has no compiled form.
         every: Ticks from one sample to the next, shape (1,).
     """
 
@@ -41,6 +44,9 @@ class Journal(NamedTuple):
     tau: Array
     tau_ext: Array
     saturated: NDArray[np.uint8]
+    rate_limited: NDArray[np.uint8]
+    clipped: NDArray[np.uint8]
+    held: NDArray[np.uint8]
     every: NDArray[np.int64]
 
 
@@ -115,9 +121,10 @@ def write(
             journal.q_r[i, k] = block[j, Q_R]
             if arm.topology[j, KIND] == CONTINUOUS:
                 journal.q_r[i, k + 1] = block[j, Q_R_SIN]
-    if len(journal.saturated):
-        for j in range(len(block)):
-            journal.saturated[i, j] = np.int64(block[j, FLAGS]) & SATURATED
+    _put_flag(journal.saturated, i, block, SATURATED)
+    _put_flag(journal.rate_limited, i, block, RATE_LIMITED)
+    _put_flag(journal.clipped, i, block, CLIPPED)
+    _put_flag(journal.held, i, block, 0)
 
 
 @inline
@@ -132,6 +139,13 @@ def _put_column(channel: Array, i: int, block: Array, column: int) -> None:
     if len(channel):
         for j in range(len(block)):
             channel[i, j] = block[j, column]
+
+
+@inline
+def _put_flag(channel: NDArray[np.uint8], i: int, block: Array, bit: int) -> None:
+    if len(channel):
+        for j in range(len(block)):
+            channel[i, j] = (np.int64(block[j, FLAGS]) & bit) != 0
 
 
 @fused

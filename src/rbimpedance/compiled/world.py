@@ -11,6 +11,7 @@ from .._arrays import Array
 from ..dynamics import ArmModel
 from ..impedance import ImpedanceFilter
 from ..interaction import Interaction
+from ..telemetry import FLAGS
 from ..trajectories import Reference
 from .between import Between
 from .journal import Figures, Journal, no_figures
@@ -214,8 +215,8 @@ def journal(channels: Mapping[str, Array], every: int = 1) -> Journal:
         every: Ticks from one sample to the next.
     """
     arrays: dict[str, Any] = {name: np.zeros((0, 1)) for name in Journal._fields}
-    arrays |= {"saturated": np.zeros((0, 1), dtype=np.bool_)} | dict(channels)
-    arrays |= {"saturated": arrays["saturated"].view(np.uint8), "every": np.array([every])}
+    arrays |= {name: np.zeros((0, 1), dtype=np.bool_) for name in FLAGS} | dict(channels)
+    arrays |= {name: arrays[name].view(np.uint8) for name in FLAGS} | {"every": np.array([every])}
     return Journal(**arrays)
 
 

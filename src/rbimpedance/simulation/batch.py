@@ -97,7 +97,7 @@ def simulate_batch(
         substeps: Physics steps per control period.
         integrator: "semi-implicit" or "rk4".
         channels: Names of what is logged: any of "q", "v", "q_r", "e1", "e2", "e_im", "s", "tau", "tau_ext",
-            "saturated".
+            "saturated", "rate_limited", "clipped", "held".
         every: Ticks from one sample to the next.
         metrics: Whether the figures of merit are wanted.
         after: Leave out the samples before this time in all but the settling times [s].

@@ -20,6 +20,7 @@ from ..plants import Motion, Plant, RigidPlant
 from ..plants.integrators import Integrator
 from ..result import SimulationResult, provenance
 from ..snapshot import fingerprint
+from ..telemetry import FLAGS
 from ..trajectories import Trajectory
 from .sampling import tick_times
 
@@ -32,7 +33,7 @@ STIFF_FRICTION = 0.5
 RK4_STABILITY = 2.7
 """Largest such share that the Runge-Kutta method bears."""
 
-CHANNELS = ("q", "v", "q_r", "e1", "e2", "e_im", "s", "tau", "tau_ext", "saturated")
+CHANNELS = ("q", "v", "q_r", "e1", "e2", "e_im", "s", "tau", "tau_ext", *FLAGS)
 """Channels of a `SimulationResult`, besides the time."""
 
 OnTick: TypeAlias = Callable[[int, int], None]
@@ -196,7 +197,7 @@ class _Log:
         channels = self.channels
         channels["q"][k], channels["v"][k] = motion
         channels["e_im"][k], channels["tau_ext"][k] = e_im, tau_ext
-        for name in ("q_r", "e1", "e2", "s", "tau", "saturated"):
+        for name in ("q_r", "e1", "e2", "s", "tau", *FLAGS):
             channels[name][k] = getattr(output, name)
 
 
@@ -207,7 +208,7 @@ def empty_channels(
 
     All lie in one block: the system hands large blocks out in large pages, which a run fills with far fewer faults.
     """
-    kinds = {name: np.dtype(bool if name == "saturated" else float) for name in names}
+    kinds = {name: np.dtype(bool if name in FLAGS else float) for name in names}
     shapes = {name: (samples, nq if name in ("q", "q_r") else nv) for name in kinds}
     words = [math.ceil(math.prod(shapes[name]) * kind.itemsize / 8) for name, kind in kinds.items()]
     block = np.empty(sum(words))
