@@ -27,6 +27,7 @@ from rbimpedance.study.identity import differences, identity
 from rbimpedance.study.measures import measure
 from rbimpedance.study.summary import ALIKE, geometric_mean
 from rbimpedance.study.table import as_table
+from rbimpedance.telemetry import FLAGS
 
 from .arms import spinner
 from .command_line import call
@@ -265,13 +266,13 @@ def test_deviation_is_the_step_response_where_the_arm_does_not_yield(
     tau_ext = np.linspace(0.3, 1.0, arm.nv)
     still, nothing = np.tile(arm.neutral, (len(t), 1)), np.zeros((len(t), arm.nv))
     unused: Any = dict.fromkeys(("v", "e1", "e2", "e_im", "s"), nothing)
+    unused |= dict.fromkeys(FLAGS, nothing.astype(np.bool_))
     result = rbi.SimulationResult(
         t=t,
         q=still,
         q_r=still,
         tau_ext=np.tile(tau_ext, (len(t), 1)),
         tau=nothing + (-1.0) ** np.arange(len(t))[:, None],
-        saturated=np.zeros_like(nothing, dtype=bool),
         **unused,
         provenance=provenance(spring_on(arm, dt), arm),
     )
