@@ -86,26 +86,22 @@ def _at_run_time(tree: ast.AST) -> Iterator[ast.AST]:
 
 
 def _imports(path: Path) -> set[str]:
-    """Dotted names of everything that a module imports, siblings as `rbimpedance.<module>`."""
+    """Dotted names of everything that a module imports, those of the package in full."""
+    package = path.relative_to(PACKAGE.parent).parent.parts
     found: set[str] = set()
     for node in _at_run_time(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.level:
-            names = [node.module] if node.module else [alias.name for alias in node.names]
-            found |= {f"rbimpedance.{name}" for name in names}
         elif isinstance(node, ast.ImportFrom):
-            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+            parents = package[: len(package) - node.level + 1] if node.level else ()
+            base = ".".join([*parents, *([node.module] if node.module else [])])
+            found |= {f"{base}.{alias.name}" for alias in node.names}
     return found
 
 
 def _package_imports(path: Path) -> set[str]:
-    """What a sub-package imports from outside itself, its own modules' parents one level up."""
-    found: set[str] = set()
-    for module in path.glob("*.py"):
-        own = {f"rbimpedance.{sibling.stem}" for sibling in path.glob("*.py")}
-        found |= {name for name in _imports(module) if name not in own}
-    return found
+    """What a sub-package imports, with all that is in it."""
+    return set().union(*(_imports(module) for module in path.rglob("*.py")))
 
 
 IMPORTS = {path.stem: _imports(path) for path in sorted(PACKAGE.glob("*.py"))}
@@ -117,7 +113,7 @@ MODULES = sorted(set(IMPORTS) - {"__init__"})
 
 def _siblings(module: str) -> set[str]:
     names = {name.split(".")[1] for name in IMPORTS[module] if name.startswith("rbimpedance.")}
-    return names & set(IMPORTS)
+    return names & set(IMPORTS) - {module}
 
 
 def _libraries(module: str) -> set[str]:
