@@ -6,6 +6,7 @@ import importlib
 import json
 import pickle
 import sys
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -359,6 +360,14 @@ def test_controller_does_the_same_on_both_engines() -> None:
     ours, theirs = two_link_run(plant=arm), two_link_run(plant=rbi.MujocoPlant(arm))
     for name, figure in ours.metrics().items():
         np.testing.assert_allclose(theirs.metrics()[name], figure, rtol=1e-3, err_msg=name)
+
+
+def test_result_says_which_engine_moved_the_arm() -> None:
+    arm = load("two_link")
+    for plant in (rbi.MujocoPlant(arm), rbi.DrivenPlant(rbi.MujocoPlant(arm))):
+        engine = two_link_run(plant=plant).provenance["engine"]
+        engine = engine.get("links", engine)
+        assert (engine["type"], engine["version"]) == ("MujocoPlant", version("mujoco"))
 
 
 def test_diverging_run_ends_with_its_error_and_leaves_no_file(

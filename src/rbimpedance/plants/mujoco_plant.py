@@ -58,6 +58,7 @@ class MujocoPlant:
         scene: MJCF text whose geoms stand still in the world: <mujoco> with <compiler>, <default>, <asset>,
             <worldbody>. Options are the engine's.
         tool_radius: Radius of the sphere [m]; given with a scene, and only then.
+        version: MuJoCo's; it stands in the provenance of a run.
 
     Raises:
         MissingExtraError: MuJoCo is not installed.
@@ -70,6 +71,7 @@ class MujocoPlant:
     limits: bool = field(default=True, kw_only=True)
     scene: str | None = field(default=None, kw_only=True)
     tool_radius: float | None = field(default=None, kw_only=True)
+    version: str = field(init=False, repr=False)
     _built: MujocoModel = field(init=False, repr=False)
     _data: Any = field(init=False, repr=False)
     _zero: Array = field(init=False, repr=False)
@@ -83,6 +85,7 @@ class MujocoPlant:
         set_fields(
             self,
             arm=arm,
+            version=str(mj.__version__),
             _built=built,
             _data=mj.MjData(built.model),
             _zero=_zero_configuration(arm),
