@@ -67,7 +67,9 @@ def _worst(summary: dict[str, Any]) -> Table:
         for name, told in summary["compared"].items()
         for cell in told["worse_cells"][:WORST_SHOWN]
     ]
-    return table(f"where {summary['ours']} is worse: deviation, rms [rad]", header, rows)
+    nowhere = [["–"] * len(header)]
+    title = f"where {summary['ours']} is worse: deviation, rms [rad]"
+    return table(title, header, rows or nowhere)
 
 
 def _share(told: dict[str, Any]) -> str:
