@@ -116,7 +116,7 @@ def _chosen(wanted: list[str] | None, robot: str, *, with_peers: bool) -> list[s
     known = [*SECTIONS, PEERS]
     for name in wanted or ():
         if name not in known:
-            words = f"one of {', '.join(known)}{suggest(name, known)}"
+            words = f"the name of a table{suggest(name, known)}"
             raise GainError("--section", name, words)
     if wanted:
         return [name for name in known if name in wanted]

@@ -200,5 +200,5 @@ def _chosen(
 ) -> Iterator[tuple[str, Any]]:
     for name in wanted:
         if name not in known:
-            raise GainError(part, name, f"one of {', '.join(known)}{suggest(name, known)}")
+            raise GainError(part, name, f"among the study's{suggest(name, known)}")
     return ((name, made) for name, made in known.items() if not wanted or name in wanted)
