@@ -54,6 +54,38 @@ def test_filter_is_where_the_exact_solution_is_at_the_measured_time() -> None:
     assert_allclose(state.v_e_before, exact[1], rtol=1e-12)
 
 
+COUPLED = np.array([[2.0, 0.5, 0.1], [0.5, 1.0, 0.2], [0.1, 0.2, 0.3]])
+TARGETS: dict[str, TargetImpedance] = {
+    "the paper's": rbi.Impedance(M, D, K),
+    "coupled": rbi.Impedance(COUPLED, 10.0 * COUPLED[::-1, ::-1], stiffness=[3.0, 200.0, 9.0]),
+    "hardly damped": rbi.Impedance(1.0, stiffness=400.0, damping_ratio=1e-3),
+    "stiff and light": rbi.Impedance(0.05, 40.0, 8e3),
+    "critically damped": rbi.Impedance(2.0, stiffness=50.0, damping_ratio=1.0),
+    "nothing but mass": rbi.Impedance(1.0, 1e-9, 1e-9),
+    "finite time": rbi.FiniteTimeImpedance(1.0, 5.0, 20.0, 0.6),
+}
+
+
+@pytest.mark.parametrize("period", [1e-5, 0.7e-3, 1.3e-3, 9e-3])
+@pytest.mark.parametrize("target", TARGETS.values(), ids=TARGETS)
+def test_step_of_another_length_is_that_of_a_filter_made_for_it(
+    target: TargetImpedance, period: float, rng: np.random.Generator
+) -> None:
+    own, made = target.filter(3, DT), target.filter(3, period)
+    for q_e, v_e, tau_ext in rng.normal(size=(10, 3, 3)):
+        step, exact = own.advance(q_e, v_e, tau_ext, period), made.advance(q_e, v_e, tau_ext)
+        assert_allclose(step[0], exact[0], rtol=0.0, atol=1e-14 * np.abs(exact[0]).max())
+        assert_allclose(step[1], exact[1], rtol=0.0, atol=1e-13 * np.abs(exact[1]).max())
+
+
+def test_late_tick_makes_no_filter(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A matrix exponential in a loop waits for the cores that its linear algebra would like to have."""
+    controller = _controller()
+    monkeypatch.setattr("rbimpedance.impedance.ImpedanceFilter.__init__", None)
+    monkeypatch.setattr("scipy.linalg.expm", None)
+    assert np.abs(_after(controller, [1.2e-3, 0.9e-3]).q_e).min() > 0.0
+
+
 def test_integral_of_the_sign_is_the_time_that_has_passed() -> None:
     controller = _controller()
     off = rbi.Reference(ARM.integrate(ARM.neutral, np.full(ARM.nv, 0.5)), STILL, STILL)

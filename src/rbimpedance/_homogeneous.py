@@ -65,17 +65,20 @@ class HomogeneousFilter:
         actual = self.restoring_torque(q_e - e1, v_e - e2)
         return self._mass * e3 + required - actual
 
-    def advance(self, q_e: Array, v_e: Array, tau_ext: Array) -> tuple[Array, Array]:
-        """Return q_e and v_e one period later, with tau_ext held, each of shape (nv,)."""
+    def advance(
+        self, q_e: Array, v_e: Array, tau_ext: Array, period: float | None = None
+    ) -> tuple[Array, Array]:
+        """Return q_e and v_e one period later, with tau_ext held, each of shape (nv,); see `TargetFilter.advance`."""
+        h = self._dt if period is None else period
         joints = zip(self._mass, self._damping, self._stiffness, q_e, v_e, tau_ext, strict=True)
-        steps = [self._advance_joint(*map(float, joint)) for joint in joints]
+        steps = [self._advance_joint(h, *map(float, joint)) for joint in joints]
         q_next, v_next = np.array(steps).T
         return q_next.copy(), v_next.copy()
 
     def _advance_joint(
-        self, m: float, d: float, k: float, x: float, v: float, tau: float
+        self, h: float, m: float, d: float, k: float, x: float, v: float, tau: float
     ) -> tuple[float, float]:
-        h, alpha1, alpha2 = self._dt, self._alpha1, self._alpha2
+        alpha1, alpha2 = self._alpha1, self._alpha2
         theta = 0.5 + 1.0 / (2.0 + 12.0 * m * math.pow(abs(v), 1.0 - alpha2) / (h * d))
         inertia = m / (theta * h)
         force = inertia * v + tau - k * _sig(x, alpha1)

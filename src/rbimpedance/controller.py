@@ -225,8 +225,8 @@ class ImpedanceController:
         period = _checked_period(period, self.dt)
         if state.ticks == 0 or period == self.dt:
             return state
-        late = self.impedance.filter(self.arm.nv, period)
-        q_e, v_e = late.advance(state.q_e_before, state.v_e_before, state.tau_ext)
+        before = state.q_e_before, state.v_e_before, state.tau_ext
+        q_e, v_e = self._filter.advance(*before, period)
         z = state.z_before + (state.z - state.z_before) * (period / self.dt)
         return state._replace(q_e=q_e, v_e=v_e, z=z)
 

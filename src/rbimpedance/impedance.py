@@ -6,6 +6,7 @@ discrete filter. `TargetImpedance` is what a controller needs of it, or of any o
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, cast
 
@@ -16,6 +17,8 @@ from ._arrays import Array
 from ._frozen import set_fields
 from .exceptions import DimensionError, GainError
 
+_ROUNDING = 1e-20  # what the series of an exponential leaves out, relative to its state
+
 
 class TargetFilter(Protocol):
     """A target impedance M_d a_e + r(q_e, v_e) = tau_ext at a fixed period; r is odd."""
@@ -23,8 +26,10 @@ class TargetFilter(Protocol):
     def acceleration(self, q_e: Array, v_e: Array, tau_ext: Array) -> Array:
         """Return a_e = M_d⁻¹(tau_ext - r(q_e, v_e)), shape (nv,) [rad/s² or m/s²]."""
 
-    def advance(self, q_e: Array, v_e: Array, tau_ext: Array) -> tuple[Array, Array]:
-        """Return q_e and v_e one period later, with tau_ext held, each of shape (nv,)."""
+    def advance(
+        self, q_e: Array, v_e: Array, tau_ext: Array, period: float | None = None
+    ) -> tuple[Array, Array]:
+        """Return q_e and v_e one period later, with tau_ext held, each of shape (nv,); the filter's own by default."""
 
     def restoring_torque(self, q_e: Array, v_e: Array) -> Array:
         """Return r(q_e, v_e), the torque of spring and damper, shape (nv,) [N·m or N]."""
@@ -145,7 +150,7 @@ class ImpedanceMatrices(NamedTuple):
 class ImpedanceFilter:
     """Exact zero-order-hold step of M_d a_e + D_d v_e + K_d q_e = tau_ext (paper, eq. 3).
 
-    One matrix exponential at construction; a step is two products.
+    One matrix exponential at construction; a step is two products, one of another length the exponential's series.
     """
 
     def __init__(self, matrices: ImpedanceMatrices, dt: float) -> None:
@@ -162,6 +167,8 @@ class ImpedanceFilter:
         self._matrices = matrices
         self._acceleration_map = np.ascontiguousarray(system[nv : 2 * nv])
         self._transition = np.ascontiguousarray(transition)
+        self._system = system
+        self._speed = _speed(M_inverse @ D_d, M_inverse @ K_d)
 
     def maps(self) -> Array:
         """Return the maps from (q_e, v_e, tau_ext) to a_e and to the next q_e and v_e, stacked, (3·nv, 3·nv)."""
@@ -178,16 +185,38 @@ class ImpedanceFilter:
         a_e: Array = self._acceleration_map @ np.concatenate([q_e, v_e, tau_ext])
         return a_e
 
-    def advance(self, q_e: Array, v_e: Array, tau_ext: Array) -> tuple[Array, Array]:
+    def advance(
+        self, q_e: Array, v_e: Array, tau_ext: Array, period: float | None = None
+    ) -> tuple[Array, Array]:
         """Return q_e and v_e one period later, with tau_ext held, each of shape (nv,).
 
         Args:
             q_e: Filter position, shape (nv,) [rad].
             v_e: Filter velocity, shape (nv,) [rad/s].
             tau_ext: External torque over the period, shape (nv,) [N·m].
+            period: Another than the filter's own, as measured [s].
         """
-        state = self._transition @ np.concatenate([q_e, v_e, tau_ext])
-        return state[: self._nv].copy(), state[self._nv :].copy()
+        nv, state = self._nv, np.concatenate([q_e, v_e, tau_ext])
+        state = self._transition @ state if period is None else self._over(state, period)
+        return state[:nv].copy(), state[nv : 2 * nv].copy()
+
+    def _over(self, state: Array, period: float) -> Array:
+        """Return exp(A·period) applied to (q_e, v_e, tau_ext), to rounding.
+
+        By the series, in parts that are short against the target's own motion. A matrix exponential at every tick would
+        take longer, and its linear algebra waits for cores that other processes hold.
+        """
+        reach = self._speed * period
+        parts = math.ceil(reach)
+        reach, h = reach / parts, period / parts
+        for _ in range(parts):
+            term, k, bound = state, 0, 1.0
+            while bound > _ROUNDING:
+                k += 1
+                bound *= reach / k
+                term = (h / k) * (self._system @ term)
+                state = state + term
+        return state
 
     def restoring_torque(self, q_e: Array, v_e: Array) -> Array:
         """Return D_d·v_e + K_d·q_e, shape (nv,) [N·m]; see `TargetFilter.restoring_torque`."""
@@ -204,6 +233,12 @@ class ImpedanceFilter:
         M_d, D_d, K_d = self._matrices
         e_im: Array = M_d @ e3 + D_d @ e2 + K_d @ e1
         return e_im
+
+
+def _speed(damping: Array, stiffness: Array) -> float:
+    """Bound on the eigenvalues of a target [1/s], from M_d⁻¹·D_d and M_d⁻¹·K_d: norm of A with q_e scaled by ω."""
+    omega = math.sqrt(np.linalg.norm(stiffness, 1))
+    return float(omega + np.linalg.norm(damping, 1))
 
 
 def check_damping(damping: ArrayLike | None, damping_ratio: float | None) -> None:
