@@ -363,16 +363,6 @@ def tables(figures: Mapping[str, Any]) -> dict[str, str]:
     return made
 
 
-def rewrite(page: Path, made: Mapping[str, str]) -> None:
-    """Put the tables between their marks."""
-    text = page.read_text("utf-8")
-    for name, table in made.items():
-        begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
-        before, rest = text.split(begin, 1)
-        text = f"{before}{begin}\n{table}\n\n{end}{rest.split(end, 1)[1]}"
-    page.write_text(text, "utf-8")
-
-
 # --- the whole --------------------------------------------------------------------------------------------------
 
 
@@ -407,7 +397,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print("\n\n".join(made.values()))
         return
     FIGURES.write_text(json.dumps(plain(figures), indent=1) + "\n", "utf-8")
-    rewrite(PAGE, made)
+    common.rewrite(PAGE, made)
 
 
 if __name__ == "__main__":

@@ -32,6 +32,7 @@ from hardware_parts.measure import STEPS, measure
 from hardware_parts.trials import ARMS
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from robustness_parts.common import rewrite
 
 ROOT = Path(__file__).parents[1]
 HALVINGS, QUICK = 3, 1
@@ -97,7 +98,7 @@ def main() -> None:
             rows = {name: rows[name] for name in ARMS if name in rows}
             path.write_text(json.dumps({"arms": rows}, indent=1) + "\n", "utf-8")
     page.draw(rows, asked.out / "hardware.png")
-    page.rewrite(asked.docs / "hardware-limits.md", page.tables(rows))
+    rewrite(asked.docs / "hardware-limits.md", page.tables(rows))
 
 
 if __name__ == "__main__":

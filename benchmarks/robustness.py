@@ -80,14 +80,12 @@ def plain(value: Any) -> Any:
 def rewrite(folder: Path, tables: Mapping[str, str]) -> None:
     """Put tables into the pages that have a place for them, between <!-- name --> and <!-- end of name -->."""
     for name, table in tables.items():
-        begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
+        begin = f"<!-- {name} -->\n"
         pages = [folder / page for page in PAGES if begin in (folder / page).read_text("utf-8")]
         if not pages:
             raise SystemExit(f"no page has a place for the table '{name}'")
         for page in pages:
-            before, rest = page.read_text("utf-8").split(begin, 1)
-            text = f"{before}{begin}\n{table}\n\n{end}{rest.split(end, 1)[1]}"
-            page.write_text(text, encoding="utf-8")
+            common.rewrite(page, {name: table})
 
 
 def main() -> None:

@@ -11,12 +11,13 @@ from __future__ import annotations
 import argparse
 import json
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow.parquet
+from robustness_parts.common import markdown, rewrite
 
 from rbimpedance.study.summary import COMPARED, summarize
 
@@ -24,13 +25,6 @@ ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "standard-study.md"
 FIGURES = ROOT / "docs" / "figures" / "standard_study.json"
 PICTURES = ("deviation", "ratio", "pareto")
-
-
-def markdown(header: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """Write a table, figures to the right."""
-    header = list(header)
-    rule = ["---"] + ["--:"] * (len(header) - 1)
-    return "\n".join(f"| {' | '.join(row)} |" for row in (header, rule, *map(list, rows)))
 
 
 def number(value: float | None, digits: int = 2) -> str:
@@ -154,12 +148,7 @@ def main() -> None:
     FIGURES.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
     for name in PICTURES:
         shutil.copyfile(folder / f"{name}.png", FIGURES.with_name(f"study_{name}.png"))
-    text = PAGE.read_text(encoding="utf-8")
-    for place, told in tables(figures).items():
-        mark, end = f"<!-- {place} -->", f"<!-- end of {place} -->"
-        before, rest = text.split(mark)
-        text = f"{before}{mark}\n\n{told}\n\n{end}{rest.split(end)[1]}"
-    PAGE.write_text(text, encoding="utf-8")
+    rewrite(PAGE, tables(figures))
 
 
 if __name__ == "__main__":

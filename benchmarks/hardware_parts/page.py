@@ -8,30 +8,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib import pyplot as plt
+from robustness_parts.common import markdown
 
 from .measure import SETS
 from .trials import ACCURACY, ROUGHNESS
 
 Rows = Mapping[str, Mapping[str, Any]]
 NONE = "none"
-
-
-def markdown(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """A Markdown table; the first column to the left, the others to the right."""
-    lines = [header, ["---", *["--:"] * (len(header) - 1)], *rows]
-    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
-
-
-def rewrite(path: Path, tables: Mapping[str, str]) -> None:
-    """Put tables into the page, between <!-- name --> and <!-- end of name -->."""
-    text = path.read_text("utf-8")
-    for name, table in tables.items():
-        begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
-        if begin not in text:
-            raise SystemExit(f"{path.name} has no place for the table '{name}'")
-        before, rest = text.split(begin, 1)
-        text = f"{before}{begin}\n{table}\n\n{end}{rest.split(end, 1)[1]}"
-    path.write_text(text, encoding="utf-8")
 
 
 def tables(rows: Rows) -> dict[str, str]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from robustness_parts.common import ARMS, load
 
 import rbimpedance as rbi
 from rbimpedance.trajectories import cosine
@@ -15,9 +16,6 @@ from rbimpedance.tuning.worst_case import true_error
 
 from .linear import Array, Linear
 
-ARMS = {"panda": 2.0, "ur5": 2.0, "z1": 1.0, "xarm7": 2.0, "kinova": 1.0, "talos_arm": 2.0}
-"""Largest payload of each arm [kg]."""
-LOCKED = {"panda": ("panda_finger_joint1", "panda_finger_joint2"), "z1": ("jointGripper",)}
 DT = 1e-3
 LENGTH, SHORT, LATE = 5.0, 4.0, 3.0
 """Length of a run, of one in a search for a bound, and the time after which they are judged [s]."""
@@ -157,7 +155,7 @@ def _simulated(controller: Any, plant: rbi.DrivenPlant, length: float) -> rbi.Si
 
 def arm_and_plant(name: str, rotor: float = ROTOR) -> tuple[rbi.ArmModel, rbi.ArmModel]:
     """The arm as modelled, and the plant of every run: links 10 % heavier, the largest payload at the tool."""
-    arm = rbi.load_robot(name, lock=LOCKED.get(name, ()), armature=rotor)
+    arm = load(name, rotor)
     return arm, arm.with_scaled_inertia(1.1).with_payload(ARMS[name])
 
 

@@ -166,6 +166,18 @@ def summary(tests: Sequence[Mapping[str, Any]]) -> Figures:
     }
 
 
+def rewrite(page: Path, tables: Mapping[str, str]) -> None:
+    """Put tables into a page, between <!-- name --> and <!-- end of name -->."""
+    text = page.read_text("utf-8")
+    for name, table in tables.items():
+        begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
+        if begin not in text:
+            raise SystemExit(f"{page.name} has no place for the table '{name}'")
+        before, rest = text.split(begin, 1)
+        text = f"{before}{begin}\n{table}\n\n{end}{rest.split(end, 1)[1]}"
+    page.write_text(text, encoding="utf-8")
+
+
 def markdown(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     """A Markdown table; the first column to the left, the others to the right."""
     lines = [header, ["---", *["--:"] * (len(header) - 1)], *rows]

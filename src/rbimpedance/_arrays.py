@@ -106,6 +106,16 @@ def per_joint(name: str, value: Array, nv: int) -> Array:
     return np.broadcast_to(value, (nv,))
 
 
+def not_negative(name: str, value: ArrayLike, nv: int) -> Array:
+    """Return numbers from 0 on, shape (nv,).
+
+    Raises:
+        GainError: Anything else.
+        DimensionError: They are given for another number of joints.
+    """
+    return per_joint(name, gain(name, value, "zero or positive", lambda x: x >= 0.0), nv)
+
+
 def real(name: str, value: ArrayLike, expected: str) -> Array:
     """Convert to native float64 of any shape; complex, bool, text and objects are refused.
 

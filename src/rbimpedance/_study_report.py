@@ -8,6 +8,7 @@ from typing import Any
 from rich.table import Table
 
 from ._terminal import number, table
+from .study.summary import ALIKE
 
 WORST_SHOWN = 3
 """Cells shown for each of the others; the file has all."""
@@ -22,7 +23,9 @@ def tables(summary: dict[str, Any]) -> Iterator[Table]:
     yield _controllers(summary)
     if summary["compared"]:
         yield _ratios(summary, "all", "all runs that ended")
-        yield _ratios(summary, "equal_torque_variation", "at equal torque variation, within 1.25")
+        yield _ratios(
+            summary, "equal_torque_variation", f"at equal torque variation, within {ALIKE:g}"
+        )
         yield _worst(summary)
 
 

@@ -8,14 +8,13 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._arrays import Array, BoolArray
+from .._arrays import Array, BoolArray, not_negative
 from .._frozen import set_fields
 from ..dynamics import ArmModel
 from ..exceptions import GainError
 from ..interaction import Interaction
 from .elasticity import (
     check_step,
-    not_negative,
     refuse_at,
     stiffness_of_joints,
     usual_damping,

@@ -36,16 +36,6 @@ def stiffness_of_joints(value: ArrayLike, nv: int) -> Array:
     return per_joint("stiffness", array, nv)
 
 
-def not_negative(name: str, value: ArrayLike, nv: int) -> Array:
-    """Return numbers from 0 on, shape (nv,).
-
-    Raises:
-        GainError: Anything else.
-        DimensionError: They are given for another number of joints.
-    """
-    return per_joint(name, gain(name, value, "zero or positive", lambda x: x >= 0.0), nv)
-
-
 def whole(name: str, value: ArrayLike, nv: int) -> Array:
     """Return whole numbers from 1 on, shape (nv,).
 

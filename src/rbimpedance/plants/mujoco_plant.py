@@ -88,7 +88,7 @@ class MujocoPlant:
             version=str(mj.__version__),
             _built=built,
             _data=mj.MjData(built.model),
-            _zero=_zero_configuration(arm),
+            _zero=arm.zero,
             _contact_kinds=tuple(
                 int(getattr(mj.mjtConstraint, f"mjCNSTR_CONTACT_{kind}")) for kind in kinds
             ),
@@ -276,10 +276,3 @@ def _check_scene(scene: str | None, tool_radius: float | None) -> None:
         raise GainError("tool_radius", tool_radius, "given with scene=, and only then")
     if tool_radius is not None:
         positive_number("tool_radius", tool_radius, "radius in metres")
-
-
-def _zero_configuration(arm: ArmModel) -> Array:
-    """The configuration in which every joint is at zero, shape (nq,)."""
-    bodies, q = arm.rigid_bodies(), np.zeros(arm.nq)
-    q[bodies.q_index[bodies.q_size == 2]] = 1.0
-    return q

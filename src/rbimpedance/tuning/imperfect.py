@@ -8,7 +8,7 @@ from typing import Any, Generic, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._arrays import Array, gain, per_joint, vector
+from .._arrays import Array, gain, not_negative, per_joint, vector
 from .._frozen import set_fields
 from ..controller import Controller, ControllerOutput, StateT
 from ..dynamics import ArmModel
@@ -89,8 +89,8 @@ class ImperfectController(Generic[StateT]):
         set_fields(
             self,
             controller=controller,
-            position_noise=_noise("position_noise", position_noise, nv),
-            velocity_noise=_noise("velocity_noise", velocity_noise, nv),
+            position_noise=not_negative("position_noise", position_noise, nv),
+            velocity_noise=not_negative("velocity_noise", velocity_noise, nv),
             delay=whole_number("delay", delay),
             torque_constant=per_joint("torque_constant", constant, nv),
             seed=whole_number("seed", seed),
@@ -165,7 +165,3 @@ def whole_number(name: str, value: Any, at_least: int = 0) -> int:
     if not is_whole or value < at_least:
         raise GainError(name, value, f"a whole number, {at_least} or more")
     return int(value)
-
-
-def _noise(name: str, value: ArrayLike, nv: int) -> Array:
-    return per_joint(name, gain(name, value, "zero or positive", lambda x: x >= 0.0), nv)
