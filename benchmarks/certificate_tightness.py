@@ -23,7 +23,7 @@ import matplotlib.pyplot as plt
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from rbimpedance.stability import Certificate, certify  # noqa: E402
+from rbimpedance.law.certificate import Certificate, certify  # noqa: E402
 from tests.oracles import reaching  # noqa: E402
 from tests.oracles.reaching import Array, Laws  # noqa: E402
 

@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from rbimpedance import SimulationResult, scenarios
-from rbimpedance._arrays import Array
-from rbimpedance.scenarios import Scenario
-from rbimpedance.stability import certify
+from rbimpedance import SimulationResult
+from rbimpedance._common.arrays import Array
+from rbimpedance.law.certificate import certify
+from rbimpedance.simulation import scenarios
+from rbimpedance.simulation.scenarios import Scenario
 
 
 def at(result: SimulationResult, channel: str, t: float) -> float:

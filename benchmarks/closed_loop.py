@@ -26,7 +26,8 @@ import numpy as np
 import pinocchio as pin
 
 import rbimpedance as rbi
-from rbimpedance.simulation import closed_loop, single
+from rbimpedance.simulation import closed_loop
+from rbimpedance.simulation import simulate as single
 from rbimpedance.trajectories import cosine, hold
 
 FINGERS = ("panda_finger_joint1", "panda_finger_joint2")

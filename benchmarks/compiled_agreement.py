@@ -19,7 +19,7 @@ import numpy as np
 from example_robot_data.robots_loader import ROBOTS
 
 import rbimpedance as rbi
-from rbimpedance.compiled.dynamics import AGREEMENT, CompiledDynamics
+from rbimpedance.robot.compiled.dynamics import AGREEMENT, CompiledDynamics
 
 
 def main() -> int:

@@ -25,12 +25,12 @@ from robustness import plain
 from robustness_parts import common, pushed
 
 import rbimpedance as rbi
-from rbimpedance import pinocchio_dynamics
 from rbimpedance.interaction import as_interaction
-from rbimpedance.pinocchio_dynamics import COULOMB_SMOOTHING
-from rbimpedance.plants import RigidPlant
-from rbimpedance.plants.agreement import free_motion_apart
-from rbimpedance.plants.mujoco_plant import MujocoState
+from rbimpedance.robot import pinocchio_dynamics
+from rbimpedance.robot.pinocchio_dynamics import COULOMB_SMOOTHING
+from rbimpedance.simulation.plants import RigidPlant
+from rbimpedance.simulation.plants.agreement import free_motion_apart
+from rbimpedance.simulation.plants.mujoco_plant import MujocoState
 
 Array = common.Array
 

@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 import rbimpedance as rbi
-from rbimpedance import plotting, scenarios
+from rbimpedance.pictures import figures as plotting
+from rbimpedance.simulation import scenarios
 
 PICTURES_OF_THE_DOCS = Path(__file__).parents[1] / "docs" / "figures"
 

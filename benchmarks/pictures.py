@@ -6,8 +6,8 @@ from pathlib import Path
 
 from rich.progress import track
 
-from rbimpedance import plotting
-from rbimpedance.scenarios import paper_comparison
+from rbimpedance.pictures import figures as plotting
+from rbimpedance.simulation.scenarios import paper_comparison
 
 FIGURES = Path(__file__).parents[1] / "docs" / "figures"
 FRONT_DOOR = (

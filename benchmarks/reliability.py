@@ -30,12 +30,12 @@ from typing import Any
 import numpy as np
 
 import rbimpedance as rbi
-from rbimpedance._arrays import Array
-from rbimpedance.estimators import MomentumObserver
-from rbimpedance.safety.fault_guard import FaultGuard
-from rbimpedance.safety.faults import OperatingRange
-from rbimpedance.safety.passivity import EnergyTank
-from rbimpedance.snapshot import load_snapshot, save_snapshot
+from rbimpedance._common.arrays import Array
+from rbimpedance.control.guards.energy_tank import EnergyTank
+from rbimpedance.control.guards.fault_guard import FaultGuard
+from rbimpedance.control.guards.faults import OperatingRange
+from rbimpedance.control.snapshot import load_snapshot, save_snapshot
+from rbimpedance.interaction.estimators import MomentumObserver
 from rbimpedance.trajectories import cosine, hold
 
 DT, TICKS, PEAK_RATE, NEAR = 1e-3, 6000, 1000.0, 1e-3
@@ -460,7 +460,7 @@ def day(hours: float) -> str:
 
 COMMAND = ("run", "two_link", "--duration", "20", "--substeps", "2", "--quiet")
 ENTRY = """
-import rbimpedance.checkpointing as c
+import rbimpedance.simulation.checkpoint as c
 c.Checkpoint.__init__.__kwdefaults__["every"] = 0.3
 from rbimpedance.cli import main
 main()

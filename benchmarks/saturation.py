@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from rbimpedance import ImpedanceController, SimulationResult, SuperTwisting
-from rbimpedance._arrays import Array
-from rbimpedance.limits import Allocation, Limits
-from rbimpedance.scenarios import paper
-from rbimpedance.super_twisting import ReachingState
+from rbimpedance._common.arrays import Array
+from rbimpedance.law.limits import Allocation, Limits
+from rbimpedance.law.super_twisting import ReachingState
+from rbimpedance.simulation.scenarios import paper
 
 K1, K2, DT = 16.0, 40.0, 1e-3
 

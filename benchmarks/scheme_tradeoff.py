@@ -21,9 +21,9 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 
 from rbimpedance import SuperTwisting
-from rbimpedance._arrays import Array
-from rbimpedance.plotting import COLORS
-from rbimpedance.super_twisting import Scheme
+from rbimpedance._common.arrays import Array
+from rbimpedance.law.super_twisting import Scheme
+from rbimpedance.pictures.figures.runs import COLORS
 
 K1, K2, L = 8.0, 10.0, 5.0
 SCHEMES: tuple[Scheme, ...] = ("explicit", "matched", "implicit")

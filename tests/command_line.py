@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from rbimpedance import cli
+from rbimpedance.cli import app as cli
 
 
 def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from rbimpedance import ArmModel, SimulationResult
-from rbimpedance._arrays import Array
-from rbimpedance.result import provenance
-from rbimpedance.telemetry import FLAGS
+from rbimpedance._common.arrays import Array
+from rbimpedance.control.provenance import provenance
+from rbimpedance.control.telemetry import FLAGS
 
 
 class _NoController:

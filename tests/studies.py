@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 import rbimpedance as rbi
-from rbimpedance.baselines import ComputedTorqueImpedance, PDGravity
-from rbimpedance.controller import Controller
+from rbimpedance.control.baselines import ComputedTorqueImpedance, PDGravity
+from rbimpedance.control.protocol import Controller
 
 TARGET = rbi.Impedance(mass=1.0, damping=10.0, stiffness=20.0)
 Maker = Callable[[rbi.Task], Controller[Any]]

@@ -11,8 +11,10 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 import rbimpedance as rbi
-from rbimpedance import GainError, SimulationResult, plotting, scenarios
-from rbimpedance._arrays import Array
+from rbimpedance import GainError, SimulationResult
+from rbimpedance._common.arrays import Array
+from rbimpedance.pictures import figures as plotting
+from rbimpedance.simulation import scenarios
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Dependencies run one way: the import statements of the package, held to the design's layers."""
+"""Dependencies run one way: every import statement of the package, held to one table of layers."""
 
 from __future__ import annotations
 
@@ -11,150 +11,115 @@ from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).parents[1] / "src" / "rbimpedance"
+import rbimpedance
 
-LAYERS: tuple[frozenset[str], ...] = (
-    frozenset(
-        {"exceptions", "_arrays", "_description", "_files", "_frozen", "_leaf", "_suggestions"}
-    ),
-    frozenset(
-        {
-            "impedance",
-            "variable_impedance",
-            "finite_time",
-            "_homogeneous",
-            "surfaces",
-            "bounded_surface",
-            "super_twisting",
-        }
-    ),
-    frozenset({"stability", "_certificate_words", "_lyapunov"}),
-    frozenset({"pinocchio_dynamics", "rigid_bodies"}),
-    frozenset({"dynamics"}),
-    frozenset({"loading", "trajectories", "interaction", "cartesian"}),
-    frozenset({"robots", "model_building"}),
-    frozenset({"limits", "telemetry", "compiled"}),
-    frozenset({"controller", "lean", "tracking", "reference_guard", "baselines", "_baseline"}),
-    frozenset({"result", "energy", "observers", "estimators", "encoders", "loop"}),
-    frozenset({"safety"}),
-    frozenset({"snapshot", "checkpointing"}),
-    frozenset({"plants"}),
-    frozenset({"simulation"}),
-    frozenset({"scenarios", "tuning", "study"}),
-    frozenset(
-        {
-            "plotting",
-            "_analysis_figures",
-            "_figure_style",
-            "benchmarking",
-            "viewing",
-            "visualization",
-            "cli",
-            "_report",
-            "_study_command",
-            "_study_figures",
-            "_study_report",
-            "_tuning_report",
-            "_terminal",
-            "__main__",
-        }
-    ),
+SOURCES = Path(rbimpedance.__file__).parent
+
+LAYERS = (
+    ("exceptions", "_moved"),
+    ("_common",),
+    ("_numba",),
+    ("law",),
+    ("robot",),
+    ("trajectories",),
+    ("interaction",),
+    ("control",),
+    ("simulation",),
+    ("tuning",),
+    ("study",),
+    ("pictures",),
+    ("__init__",),
+    ("cli",),
+    ("__main__",),
 )
-PURE = LAYERS[0] | LAYERS[1] | LAYERS[2]  # the mathematics: NumPy and SciPy only
-KNOW_PINOCCHIO = {
-    "robots",
-    "model_building",
-    "dynamics",
-    "pinocchio_dynamics",
-    "rigid_bodies",
-    "viewing",
-    "benchmarking",
-}
+"""Rooms from the lowest layer up. A module imports from its own room and from lower layers, nothing else."""
+
+PURE = {"exceptions", "_moved", "_common", "law"}  # the mathematics: NumPy and SciPy only
+KNOW_PINOCCHIO = {"robot", "pictures", "cli"}
 HEAVY = (
     *("dask", "distributed", "matplotlib", "meshcat", "mujoco", "numba", "pyarrow", "rich"),
     *("typer", "yourdfpy"),
 )
+MODULES = {
+    ".".join(path.relative_to(SOURCES).with_suffix("").parts): path
+    for path in sorted(SOURCES.rglob("*.py"))
+}
+FILES = {name.removesuffix(".__init__"): path for name, path in MODULES.items()}
+ROOMS = sorted({name.partition(".")[0] for name in FILES})
 
 
-def _at_run_time(tree: ast.AST) -> Iterator[ast.AST]:
-    """Every node, without those that only type checkers see."""
-    yield tree
-    for child in ast.iter_child_nodes(tree):
-        is_for_checkers = isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING"
-        if not is_for_checkers:
-            yield from _at_run_time(child)
-
-
-def _imports(path: Path) -> set[str]:
-    """Dotted names of everything that a module imports, those of the package in full."""
-    package = path.relative_to(PACKAGE.parent).parent.parts
-    found: set[str] = set()
-    for node in _at_run_time(ast.parse(path.read_text(encoding="utf-8"))):
+def _imported(path: Path) -> Iterator[str]:
+    """Dotted names of all that a module imports, for type checkers and inside functions, too."""
+    package = path.relative_to(SOURCES.parent).parent.parts
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+            yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             parents = package[: len(package) - node.level + 1] if node.level else ()
             base = ".".join([*parents, *([node.module] if node.module else [])])
-            found |= {f"{base}.{alias.name}" for alias in node.names}
-    return found
+            yield from (f"{base}.{alias.name}" for alias in node.names)
 
 
-def _package_imports(path: Path) -> set[str]:
-    """What a sub-package imports, with all that is in it."""
-    return set().union(*(_imports(module) for module in path.rglob("*.py")))
+def _file_of(name: str) -> str | None:
+    """The module of the package that holds an imported name."""
+    inside = name.removeprefix("rbimpedance.")
+    if inside == name:
+        return None
+    return inside if inside in FILES else inside.rpartition(".")[0] or "__init__"
 
 
-IMPORTS = {path.stem: _imports(path) for path in sorted(PACKAGE.glob("*.py"))}
-IMPORTS |= {
-    path.parent.name: _package_imports(path.parent) for path in PACKAGE.glob("*/__init__.py")
+IMPORTS = {name: set(_imported(path)) for name, path in FILES.items()}
+ARROWS = {
+    name: {target for each in names if (target := _file_of(each)) not in {None, name}}
+    for name, names in IMPORTS.items()
 }
-MODULES = sorted(set(IMPORTS) - {"__init__"})
 
 
-def _siblings(module: str) -> set[str]:
-    names = {name.split(".")[1] for name in IMPORTS[module] if name.startswith("rbimpedance.")}
-    return names & set(IMPORTS) - {module}
+def _layer(module: str | None) -> int:
+    room = (module or "").partition(".")[0]
+    return next(i for i, layer in enumerate(LAYERS) if room in layer)
 
 
-def _libraries(module: str) -> set[str]:
-    names = {name.split(".")[0] for name in IMPORTS[module]}
+def _libraries(room: str) -> set[str]:
+    names = {
+        each.partition(".")[0]
+        for module, imported in IMPORTS.items()
+        if module.partition(".")[0] == room
+        for each in imported
+    }
     return names - set(sys.stdlib_module_names) - {"rbimpedance"}
 
 
-def _layer(module: str) -> int:
-    return next(i for i, layer in enumerate(LAYERS) if module in layer)
+def test_every_room_has_a_layer_and_every_layer_a_room() -> None:
+    assert sorted(room for layer in LAYERS for room in layer) == ROOMS
 
 
-def test_every_module_has_a_layer() -> None:
-    assert sorted(set(MODULES) - frozenset().union(*LAYERS)) == []
-
-
-@pytest.mark.parametrize("module", MODULES)
+@pytest.mark.parametrize("module", sorted(FILES))
 def test_module_imports_nothing_from_a_layer_above_it(module: str) -> None:
-    assert [name for name in _siblings(module) if _layer(name) > _layer(module)] == []
+    above = {target for target in ARROWS[module] if _layer(target) > _layer(module)}
+    beside = {
+        target
+        for target in ARROWS[module]
+        if target
+        and _layer(target) == _layer(module)
+        and target.partition(".")[0] != module.partition(".")[0]
+    }
+    assert above | beside == set()
 
 
-def test_imports_have_no_cycle() -> None:
-    TopologicalSorter({module: _siblings(module) for module in MODULES}).prepare()
+def test_modules_import_each_other_in_no_circle() -> None:
+    """A package's `__init__` offers what its modules hold: who imports from it imports those modules."""
+    TopologicalSorter(ARROWS).prepare()
 
 
-@pytest.mark.parametrize("module", sorted(PURE & set(MODULES)))
-def test_mathematics_needs_numpy_and_scipy_only(module: str) -> None:
-    assert _libraries(module) <= {"numpy", "scipy"}
+@pytest.mark.parametrize("room", sorted(PURE))
+def test_mathematics_needs_numpy_and_scipy_only(room: str) -> None:
+    assert _libraries(room) <= {"numpy", "scipy"}
 
 
-@pytest.mark.parametrize("module", sorted(set(MODULES) - KNOW_PINOCCHIO))
-def test_module_does_not_know_pinocchio(module: str) -> None:
-    assert "pinocchio" not in _libraries(module)
-
-
-def test_package_offers_no_leaf() -> None:
-    assert _siblings("__init__") & LAYERS[-1] == set()
-
-
-def test_leaves_are_reached_from_below_through_one_module_only() -> None:
-    reaching = {module for module in IMPORTS if "_leaf" in _siblings(module)}
-    assert reaching == {"__init__", "result"}
+@pytest.mark.parametrize("room", sorted(set(ROOMS) - KNOW_PINOCCHIO))
+def test_room_does_not_know_pinocchio(room: str) -> None:
+    assert "pinocchio" not in _libraries(room)
 
 
 def test_importing_the_package_loads_no_heavy_library() -> None:

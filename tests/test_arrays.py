@@ -12,7 +12,7 @@ from hypothesis.extra import numpy as npst
 from numpy.testing import assert_array_equal
 
 import rbimpedance as rbi
-from rbimpedance._arrays import gain, per_joint, positive, positive_number, vector
+from rbimpedance._common.arrays import gain, per_joint, positive, positive_number, vector
 
 REALS = ["<f8", ">f8", "<f4", ">f4", "<i4", ">i8", "u1", "f2"]
 

@@ -20,11 +20,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 import rbimpedance as rbi
-from rbimpedance._frozen import set_fields
-from rbimpedance.compiled import controller as compiled_controller
-from rbimpedance.compiled import dynamics, say_once, warm_up
-from rbimpedance.compiled.tables import arm_tables
-from rbimpedance.pinocchio_dynamics import pinocchio_dynamics
+from rbimpedance._common.frozen import set_fields
+from rbimpedance._numba.notices import say_once
+from rbimpedance.control.compiled import ticks as compiled_controller
+from rbimpedance.control.compiled.warm_up import warm_up
+from rbimpedance.robot.compiled import dynamics
+from rbimpedance.robot.compiled.tables import arm_tables
+from rbimpedance.robot.pinocchio_dynamics import pinocchio_dynamics
 
 from . import arms
 
@@ -452,7 +454,7 @@ def _in_a_new_process(code: str) -> subprocess.CompletedProcess[str]:
 def test_without_numba_numpy_computes_and_that_is_said_once() -> None:
     run = _in_a_new_process(
         "import sys, numpy as np, rbimpedance as rbi\n"
-        "from rbimpedance import compiled\n"
+        "from rbimpedance.control.compiled import warm_up as compiled\n"
         "sys.modules['numba'] = None\n"
         "arm, zero = rbi.load_robot('two_link'), np.zeros(2)\n"
         "parts = rbi.Impedance(1, 10, 20), rbi.PowerSurface(3, 1.5), rbi.SuperTwisting(8, 10)\n"

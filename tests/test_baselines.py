@@ -13,15 +13,15 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 import rbimpedance as rbi
-from rbimpedance._baseline import coriolis_torque
-from rbimpedance.baselines import (
+from rbimpedance.control.baseline_law import coriolis_torque
+from rbimpedance.control.baselines import (
     ComputedTorqueImpedance,
     FirstOrderSlidingMode,
     PDGravity,
     PDPlus,
     SlotineLi,
 )
-from rbimpedance.tracking import Knowledge
+from rbimpedance.robot.knowledge import Knowledge
 from rbimpedance.trajectories import cosine, hold
 
 from .arms import manipulator, spinner

@@ -12,7 +12,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import rbimpedance as rbi
-from rbimpedance.compiled import say_once
+from rbimpedance._numba.notices import say_once
 from rbimpedance.simulation.closed_loop import CHANNELS
 from rbimpedance.trajectories import cosine, hold
 
@@ -164,7 +164,7 @@ def test_worlds_without_a_compiled_form_run_beside_the_others(
 
 def test_other_threads_run_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
     """While one call of a kernel simulates for long, this thread never waits for long."""
-    from rbimpedance.compiled import world  # noqa: PLC0415 (needs Numba)
+    from rbimpedance.simulation.compiled import world  # noqa: PLC0415 (needs Numba)
 
     arm = arms.manipulator()
     given: Any = build(arm), arm, hold(arm)

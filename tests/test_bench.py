@@ -14,18 +14,18 @@ import numpy as np
 import pytest
 
 import rbimpedance as rbi
-from rbimpedance.benchmarking import paced, page, peers, report, startup, ticks
-from rbimpedance.benchmarking.cases import chain, inputs, load
-from rbimpedance.benchmarking.comparison import computed_torques
-from rbimpedance.benchmarking.goals import section as goals
-from rbimpedance.benchmarking.loop_tables import batch, loop
-from rbimpedance.benchmarking.plan import QUICK
-from rbimpedance.benchmarking.report import RATIO, Line, Report, Section
-from rbimpedance.benchmarking.setting import Setting
-from rbimpedance.benchmarking.tick_tables import TOTAL, linear_fit, phases, tick
-from rbimpedance.benchmarking.timing import interleaved, timer
-from rbimpedance.benchmarking.workers import Worker, WorkerError
-from rbimpedance.loading.plain_urdf import plain
+from rbimpedance.cli.bench import paced, page, peers, report, startup, ticks
+from rbimpedance.cli.bench.cases import chain, inputs, load
+from rbimpedance.cli.bench.comparison import computed_torques
+from rbimpedance.cli.bench.goals import section as goals
+from rbimpedance.cli.bench.loop_tables import batch, loop
+from rbimpedance.cli.bench.plan import QUICK
+from rbimpedance.cli.bench.report import RATIO, Line, Report, Section
+from rbimpedance.cli.bench.setting import Setting
+from rbimpedance.cli.bench.tick_tables import TOTAL, linear_fit, phases, tick
+from rbimpedance.cli.bench.timing import interleaved, timer
+from rbimpedance.cli.bench.workers import Worker, WorkerError
+from rbimpedance.robot.loading.plain_urdf import plain
 
 from .command_line import call
 

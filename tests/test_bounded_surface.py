@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 
 import rbimpedance as rbi
-from rbimpedance.surfaces import Surface
+from rbimpedance.law.surfaces import Surface
 from rbimpedance.trajectories import hold
 
 from .arms import manipulator

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import null_space
 
 import rbimpedance as rbi
-from rbimpedance.cartesian import geometric_stiffness, joint_matrix
+from rbimpedance.robot.cartesian import geometric_stiffness, joint_matrix
 
 from .arms import ARMS, manipulator
 

@@ -14,7 +14,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rbimpedance import SimulationResult, cli, load_robot, scenarios
+from rbimpedance import SimulationResult, load_robot
+from rbimpedance.cli import app as cli
+from rbimpedance.simulation import scenarios
 
 from .command_line import call
 

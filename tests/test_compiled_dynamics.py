@@ -11,9 +11,9 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
 import rbimpedance as rbi
-from rbimpedance.compiled import dynamics as compiled
-from rbimpedance.compiled.dynamics import CompiledDynamics
-from rbimpedance.compiled.tables import arm_tables, axes_with_z_along
+from rbimpedance.robot.compiled import dynamics as compiled
+from rbimpedance.robot.compiled.dynamics import CompiledDynamics
+from rbimpedance.robot.compiled.tables import arm_tables, axes_with_z_along
 
 from . import arms
 

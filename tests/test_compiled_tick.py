@@ -16,10 +16,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 import rbimpedance as rbi
-from rbimpedance.compiled import is_available, warm_up
-from rbimpedance.compiled.controller import CompiledTick, FusedTick, Tick
-from rbimpedance.compiled.output import PackedState
-from rbimpedance.compiled.pack import can_pack, pack_law
+from rbimpedance.control.compiled.block import PackedState
+from rbimpedance.control.compiled.pack import can_pack, pack_law
+from rbimpedance.control.compiled.ticks import CompiledTick, FusedTick, Tick
+from rbimpedance.control.compiled.warm_up import is_available, warm_up
 
 from . import arms
 
@@ -427,7 +427,7 @@ def test_fused_ticks_carry_joints_that_follow_others(rng: np.random.Generator) -
 
 
 def test_package_does_not_load_numba_until_it_is_needed() -> None:
-    code = "import sys, rbimpedance, rbimpedance.compiled; print('numba' in sys.modules)"
+    code = "import sys, rbimpedance, rbimpedance.control.compiled; print('numba' in sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "False"
 
@@ -437,7 +437,7 @@ def test_a_second_process_compiles_nothing() -> None:
     assert warm_up()
     code = (
         "from numba.core import event\n"
-        "from rbimpedance.compiled import warm_up\n"
+        "from rbimpedance.control.compiled.warm_up import warm_up\n"
         "with event.install_recorder('numba:compile') as recorder: warm_up()\n"
         "print(len(recorder.buffer))"
     )

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rbimpedance.compiled._jit import kernel
-from rbimpedance.compiled.dynamics import OWN_VECTOR
-from rbimpedance.compiled.trigonometry import LARGEST_ANGLE, cosines_and_sines
+from rbimpedance._numba.compile import kernel
+from rbimpedance.robot.compiled.dynamics import OWN_VECTOR
+from rbimpedance.robot.compiled.trigonometry import LARGEST_ANGLE, cosines_and_sines
 
 Array = NDArray[np.float64]
 UNIT = 2.0**-53

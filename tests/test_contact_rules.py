@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 import rbimpedance as rbi
-from rbimpedance.energy import energy_balance
 from rbimpedance.interaction import (
     Delay,
     NormalImpedance,
@@ -23,6 +22,7 @@ from rbimpedance.interaction import (
     recommended_mass,
     smallest_mass,
 )
+from rbimpedance.simulation.energy import energy_balance
 from rbimpedance.trajectories import Reference
 
 from .arms import ARMS, manipulator

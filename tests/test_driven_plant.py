@@ -10,11 +10,11 @@ import pinocchio as pin
 import pytest
 
 import rbimpedance as rbi
-from rbimpedance._arrays import Array
-from rbimpedance.checkpointing import Checkpoint
+from rbimpedance._common.arrays import Array
+from rbimpedance.control.snapshot import fingerprint
 from rbimpedance.interaction.wrenches import Nothing
-from rbimpedance.plants import DrivenPlant, DrivenState, Plant, RigidPlant
-from rbimpedance.snapshot import fingerprint
+from rbimpedance.simulation.checkpoint import Checkpoint
+from rbimpedance.simulation.plants import DrivenPlant, DrivenState, Plant, RigidPlant
 
 from .arms import follower, manipulator, pendulum, spinner
 
@@ -296,7 +296,7 @@ def test_links_by_mujoco_swing_as_links_by_pinocchio() -> None:
     pytest.importorskip("mujoco")
     arm = rbi.load_robot("ur5", armature=0.0)
     settings: dict[str, Any] = {"stiffness": 1e4, "rotor_inertia": 0.1, "time_constant": 1e-3}
-    by_mujoco = DrivenPlant(rbi.plants.MujocoPlant(arm, limits=False), **settings)
+    by_mujoco = DrivenPlant(rbi.MujocoPlant(arm, limits=False), **settings)
     by_pinocchio = DrivenPlant(arm, **settings)
     ends = []
     for plant in (by_mujoco, by_pinocchio):

@@ -18,7 +18,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 import rbimpedance as rbi
-from rbimpedance.pinocchio_dynamics import COULOMB_SMOOTHING
+from rbimpedance.robot.pinocchio_dynamics import COULOMB_SMOOTHING
 
 from . import arms
 from .arms import ARMS

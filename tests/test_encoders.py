@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 import rbimpedance as rbi
 from rbimpedance import QuantizedEncoders
-from rbimpedance._arrays import Array
-from rbimpedance.encoders import EncoderState
-from rbimpedance.plants import RigidPlant
-from rbimpedance.snapshot import fingerprint
+from rbimpedance._common.arrays import Array
+from rbimpedance.control.encoders import EncoderState
+from rbimpedance.control.snapshot import fingerprint
+from rbimpedance.simulation.plants import RigidPlant
 from rbimpedance.tuning import ImperfectController
 
 from .arms import manipulator, spinner

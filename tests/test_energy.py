@@ -7,9 +7,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 import rbimpedance as rbi
-from rbimpedance.energy import energy_balance
 from rbimpedance.interaction import Push, Wall
-from rbimpedance.plants.integrators import Integrator
+from rbimpedance.simulation.energy import energy_balance
+from rbimpedance.simulation.plants.integrators import Integrator
 from rbimpedance.trajectories import cosine, hold
 
 from .arms import ARMS, manipulator, pendulum

@@ -11,8 +11,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 import rbimpedance as rbi
-from rbimpedance.estimators import MomentumObserver, SuperTwistingMomentumObserver, sense
 from rbimpedance.interaction import Chain, Delay, Interaction, JointTorque, LowPass, Push, Sensor
+from rbimpedance.interaction.estimators import MomentumObserver, SuperTwistingMomentumObserver
+from rbimpedance.simulation.replay import sense
 from rbimpedance.trajectories import cosine, hold
 
 from .arms import ARMS, manipulator

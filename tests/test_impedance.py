@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import rbimpedance as rbi
-from rbimpedance.impedance import TargetFilter
-from rbimpedance.surfaces import sig
+from rbimpedance.law.impedance import TargetFilter
+from rbimpedance.law.surfaces import sig
 
 Array = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 import rbimpedance as rbi
-from rbimpedance.loading.joint_selection import joints_to_lock, root_mimics
-from rbimpedance.loading.urdf_document import Mimic
+from rbimpedance.robot.loading.joint_selection import joints_to_lock, root_mimics
+from rbimpedance.robot.loading.urdf_document import Mimic
 
 MOVABLE = ("a", "b", "c", "d")
 CHAIN = {"b": "a", "c": "b"}  # c follows b follows a; d is alone

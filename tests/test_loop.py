@@ -13,7 +13,7 @@ import pytest
 from loop_rate_limiters import rate_limiter
 
 import rbimpedance as rbi
-from rbimpedance.loop import RESOLUTION, Loop
+from rbimpedance.control.loop import RESOLUTION, Loop
 from rbimpedance.trajectories import hold
 
 DT = 1e-3

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 import rbimpedance as rbi
-from rbimpedance.baselines import ComputedTorqueImpedance
-from rbimpedance.impedance import TargetImpedance
-from rbimpedance.reference_guard import ReferenceGuard
+from rbimpedance.control.baselines import ComputedTorqueImpedance
+from rbimpedance.control.guards.reference_guard import ReferenceGuard
+from rbimpedance.law.impedance import TargetImpedance
 from rbimpedance.trajectories import hold
 
 from .arms import manipulator
@@ -81,7 +81,7 @@ def test_step_of_another_length_is_that_of_a_filter_made_for_it(
 def test_late_tick_makes_no_filter(monkeypatch: pytest.MonkeyPatch) -> None:
     """A matrix exponential in a loop waits for the cores that its linear algebra would like to have."""
     controller = _controller()
-    monkeypatch.setattr("rbimpedance.impedance.ImpedanceFilter.__init__", None)
+    monkeypatch.setattr("rbimpedance.law.impedance.ImpedanceFilter.__init__", None)
     monkeypatch.setattr("scipy.linalg.expm", None)
     assert np.abs(_after(controller, [1.2e-3, 0.9e-3]).q_e).min() > 0.0
 

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 import rbimpedance as rbi
-from rbimpedance._arrays import Array
-from rbimpedance._description import Description
+from rbimpedance._common.arrays import Array
 from rbimpedance.interaction import as_interaction
-from rbimpedance.plants import EngineAgreement, Motion, Plant
-from rbimpedance.plants.mujoco_plant import MujocoState
+from rbimpedance.robot.description import Description
+from rbimpedance.simulation.plants import EngineAgreement, Motion, Plant
+from rbimpedance.simulation.plants.mujoco_plant import MujocoState
 
 from .arms import LIMIT, mimic_urdf, spinner_urdf, urdf, urdf_joint, urdf_link
 

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 import rbimpedance as rbi
-from rbimpedance.super_twisting import Scheme
+from rbimpedance.law.super_twisting import Scheme
 from rbimpedance.trajectories import cosine, hold
 
 from .arms import ARMS, manipulator

@@ -10,9 +10,9 @@ from numpy.testing import assert_array_equal
 from numpy.typing import NDArray
 
 import rbimpedance as rbi
-from rbimpedance.estimators import MomentumObserver
-from rbimpedance.impedance import ImpedanceMatrices
-from rbimpedance.safety.passivity import EnergyTank, TankState
+from rbimpedance.control.guards.energy_tank import EnergyTank, TankState
+from rbimpedance.interaction.estimators import MomentumObserver
+from rbimpedance.law.impedance import ImpedanceMatrices
 from rbimpedance.trajectories import cosine, hold
 
 Array = NDArray[np.float64]

@@ -11,7 +11,9 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rbimpedance import SimulationResult, SuperTwisting, load_robot, observe, plotting, scenarios
+from rbimpedance import SimulationResult, SuperTwisting, load_robot, observe
+from rbimpedance.pictures import figures as plotting
+from rbimpedance.simulation import scenarios
 
 
 @pytest.fixture(scope="module")

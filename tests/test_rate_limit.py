@@ -10,9 +10,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 import rbimpedance as rbi
-from rbimpedance.limits import Limits
-from rbimpedance.scenarios import paper
-from rbimpedance.super_twisting import Scheme
+from rbimpedance.law.limits import Limits
+from rbimpedance.law.super_twisting import Scheme
+from rbimpedance.simulation.scenarios import paper
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 import rbimpedance as rbi
+from rbimpedance.control.guards.reference_guard import ReferenceGuard
 from rbimpedance.interaction import JointTorque
-from rbimpedance.reference_guard import ReferenceGuard
 from rbimpedance.trajectories import cosine, hold
 
 from .arms import ARMS, manipulator, spinner

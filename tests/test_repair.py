@@ -11,10 +11,10 @@ from numpy.testing import assert_allclose
 from typer.testing import CliRunner
 
 import rbimpedance as rbi
-from rbimpedance.cli import app
-from rbimpedance.loading.repair import REPAIRS
-from rbimpedance.loading.urdf_document import UrdfDocument
-from rbimpedance.loading.urdf_reader import parse_urdf
+from rbimpedance.cli.app import app
+from rbimpedance.robot.loading.repair import REPAIRS
+from rbimpedance.robot.loading.urdf_document import UrdfDocument
+from rbimpedance.robot.loading.urdf_reader import parse_urdf
 
 from .hostile.case import ARM, spoiled
 

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 import rbimpedance as rbi
-from rbimpedance.telemetry import FLAGS
+from rbimpedance.control.telemetry import FLAGS
 from rbimpedance.trajectories import hold
 
 from . import arms

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 import rbimpedance as rbi
-from rbimpedance.checkpointing import Checkpoint
-from rbimpedance.estimators import MomentumObserver
-from rbimpedance.safety.fault_guard import FaultGuard
-from rbimpedance.snapshot import SnapshotError
+from rbimpedance.control.guards.fault_guard import FaultGuard
+from rbimpedance.control.snapshot import SnapshotError
+from rbimpedance.interaction.estimators import MomentumObserver
+from rbimpedance.simulation.checkpoint import Checkpoint
 
 from .arms import spinner
 from .command_line import call
@@ -253,8 +253,8 @@ def test_resume_with_other_options_is_refused_with_the_reason(
 
 _KILLS_ITSELF = """
 import os, signal
-from rbimpedance import checkpointing as c
-from rbimpedance.cli import main
+from rbimpedance.simulation import checkpoint as c
+from rbimpedance.cli.app import main
 c.Checkpoint.__init__.__kwdefaults__["every"] = 0.01
 save = c.Checkpoint.save
 def save_and_die(self, *arguments):

@@ -12,8 +12,8 @@ import pytest
 from typer.testing import CliRunner
 
 import rbimpedance as rbi
-from rbimpedance.cli import app
-from rbimpedance.loading.robot_sources import bundled_names, bundled_urdf, read_source
+from rbimpedance.cli.app import app
+from rbimpedance.robot.loading.robot_sources import bundled_names, bundled_urdf, read_source
 
 from .arms import spinner_urdf
 
@@ -61,7 +61,7 @@ def test_byte_order_mark_is_no_fault(tmp_path: Path) -> None:
 def test_size_of_a_file_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "long.urdf"
     path.write_text(spinner_urdf())
-    monkeypatch.setattr("rbimpedance.loading.robot_sources.MAX_CHARACTERS", 100)
+    monkeypatch.setattr("rbimpedance.robot.loading.robot_sources.MAX_CHARACTERS", 100)
     with pytest.raises(rbi.ModelError, match="more than 100 bytes"):
         rbi.load_robot(path)
 
@@ -98,7 +98,7 @@ def test_xacro_that_fails_says_why(
 def test_xacro_that_takes_too_long_is_stopped(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rbimpedance.loading.xacro_expansion.MAX_SECONDS", 0.01)
+    monkeypatch.setattr("rbimpedance.robot.loading.xacro_expansion.MAX_SECONDS", 0.01)
     path = tmp_path / "arm.xacro"
     path.write_text(spinner_urdf())
     with pytest.raises(

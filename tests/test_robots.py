@@ -17,7 +17,7 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
 import rbimpedance as rbi
-from rbimpedance.loading.robot_sources import known_names
+from rbimpedance.robot.loading.robot_sources import known_names
 
 from .arms import LIMIT, mimic_urdf, spinner_urdf, urdf, urdf_joint, urdf_link
 

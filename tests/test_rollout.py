@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 import rbimpedance as rbi
 from rbimpedance import interaction
-from rbimpedance.compiled import say_once
-from rbimpedance.simulation import closed_loop, single
-from rbimpedance.telemetry import FLAGS
+from rbimpedance._numba.notices import say_once
+from rbimpedance.control.telemetry import FLAGS
+from rbimpedance.simulation import closed_loop
+from rbimpedance.simulation import run as single
 from rbimpedance.trajectories import SampledTrajectory, cosine, hold, waypoints
 
 from . import arms
@@ -178,7 +179,7 @@ def test_stiff_friction_is_taken_at_the_end_of_the_step() -> None:
 
 
 def test_run_does_not_depend_on_where_its_blocks_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    from rbimpedance.compiled import world  # noqa: PLC0415 (needs Numba)
+    from rbimpedance.simulation.compiled import world  # noqa: PLC0415 (needs Numba)
 
     arm = arms.spinner()
     given = build(arm), arm.with_payload(0.3), cosine(arm, amplitude=0.2, period=0.3)
@@ -332,7 +333,7 @@ def test_default_run_does_not_compile_the_rollout() -> None:
         "parts = rbi.Impedance(1, 10, 20), rbi.PowerSurface(3, 1.5), rbi.SuperTwisting(8, 10)\n"
         "c = rbi.ImpedanceController(arm, *parts, 1e-3)\n"
         "rbi.simulate(c, arm, rbi.trajectories.hold(arm), duration=0.01)\n"
-        "rollout = sys.modules.get('rbimpedance.compiled.rollout')\n"
+        "rollout = sys.modules.get('rbimpedance.simulation.compiled.rollout')\n"
         "print(rollout is not None and bool(rollout._ROLLOUT))"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -15,11 +15,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 import rbimpedance as rbi
-from rbimpedance.baselines import PDGravity
-from rbimpedance.reference_guard import ReferenceGuard
-from rbimpedance.safety.fault_guard import FaultEvent, FaultGuard, GuardedOutput
-from rbimpedance.safety.faults import Fault, FaultError, OperatingRange
-from rbimpedance.safety.passivity import EnergyTank
+from rbimpedance.control.baselines import PDGravity
+from rbimpedance.control.guards.energy_tank import EnergyTank
+from rbimpedance.control.guards.fault_guard import FaultEvent, FaultGuard, GuardedOutput
+from rbimpedance.control.guards.faults import Fault, FaultError, OperatingRange
+from rbimpedance.control.guards.reference_guard import ReferenceGuard
 from rbimpedance.trajectories import Reference, cosine, hold
 
 from .arms import pendulum, spinner

@@ -11,9 +11,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import ArrayLike, NDArray
 
 import rbimpedance as rbi
-from rbimpedance.limits import Limits, as_limits
-from rbimpedance.scenarios import Scenario, paper
-from rbimpedance.super_twisting import ReachingState, Scheme
+from rbimpedance.law.limits import Limits, as_limits
+from rbimpedance.law.super_twisting import ReachingState, Scheme
+from rbimpedance.simulation.scenarios import Scenario, paper
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 import rbimpedance as rbi
-from rbimpedance.estimators import sense
 from rbimpedance.interaction import Chain, Delay, JointTorque, LowPass, Perfect, Sensor
+from rbimpedance.simulation.replay import sense
 from rbimpedance.trajectories import hold
 
 Array = NDArray[np.float64]

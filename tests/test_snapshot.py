@@ -13,11 +13,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import rbimpedance as rbi
-from rbimpedance.baselines import PDGravity
-from rbimpedance.reference_guard import ReferenceGuard
-from rbimpedance.safety.fault_guard import FaultGuard
-from rbimpedance.safety.passivity import EnergyTank
-from rbimpedance.snapshot import (
+from rbimpedance.control.baselines import PDGravity
+from rbimpedance.control.guards.energy_tank import EnergyTank
+from rbimpedance.control.guards.fault_guard import FaultGuard
+from rbimpedance.control.guards.reference_guard import ReferenceGuard
+from rbimpedance.control.snapshot import (
     SnapshotError,
     dump,
     fingerprint,

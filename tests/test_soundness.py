@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rbimpedance as rbi
-from rbimpedance.loading.soundness import check_inertia, weak_directions
+from rbimpedance.robot.loading.soundness import check_inertia, weak_directions
 
 from . import arms
 

@@ -8,8 +8,8 @@ import pytest
 from scipy.linalg import solve_continuous_are
 
 from rbimpedance.exceptions import DimensionError, GainError, NonFiniteError
-from rbimpedance.stability import Certificate, certify
-from rbimpedance.surfaces import (
+from rbimpedance.law.certificate import Certificate, certify
+from rbimpedance.law.surfaces import (
     FastTerminalSurface,
     NonsingularTerminalSurface,
     PowerSurface,

@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from rbimpedance.loading.stderr import captured_stderr
+from rbimpedance.robot.loading.stderr import captured_stderr
 
 
 def test_what_is_written_is_kept_and_not_shown(capfd: pytest.CaptureFixture[str]) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 import rbimpedance as rbi
-from rbimpedance.loading import strict_xml
-from rbimpedance.loading.strict_xml import has_doctype, read_xml
+from rbimpedance.robot.loading import strict_xml
+from rbimpedance.robot.loading.strict_xml import has_doctype, read_xml
 
 BOMB = """<?xml version="1.0"?><!DOCTYPE robot [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;">]>
 <robot name="&b;"/>"""

@@ -20,18 +20,27 @@ import numpy as np
 import pytest
 
 import rbimpedance as rbi
-from rbimpedance import _study_figures
-from rbimpedance.result import provenance
+from rbimpedance.control.provenance import provenance
+from rbimpedance.control.telemetry import FLAGS
+from rbimpedance.pictures.figures import study as _study_figures
 from rbimpedance.study import StudyError, execution, find_study, on_dask
 from rbimpedance.study.identity import differences, identity
 from rbimpedance.study.measures import measure
 from rbimpedance.study.summary import ALIKE, geometric_mean
 from rbimpedance.study.table import as_table
-from rbimpedance.telemetry import FLAGS
 
 from .arms import spinner
 from .command_line import call
-from .studies import CONTROLLERS, SMALL, TARGET, broken, deadly, spring, wild, with_controller
+from .studies import (
+    CONTROLLERS,
+    SMALL,
+    TARGET,
+    broken,
+    deadly,
+    spring,
+    wild,
+    with_controller,
+)
 
 pytest.importorskip("pyarrow", reason="needs the extra 'study'")
 
@@ -451,8 +460,6 @@ def test_study_of_a_module_is_found_by_its_name() -> None:
 
 
 def test_command_line_loads_neither_dask_nor_pyarrow() -> None:
-    code = (
-        "import sys, rbimpedance.cli; print({'dask', 'distributed', 'pyarrow'} & set(sys.modules))"
-    )
+    code = "import sys, rbimpedance.cli.app; print({'dask', 'distributed', 'pyarrow'} & set(sys.modules))"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "set()"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import rbimpedance as rbi
-from rbimpedance.super_twisting import ReachingState, Scheme
+from rbimpedance.law.super_twisting import ReachingState, Scheme
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import rbimpedance as rbi
-from rbimpedance.super_twisting import Scheme
-from rbimpedance.surfaces import Surface, sig
+from rbimpedance.law.super_twisting import Scheme
+from rbimpedance.law.surfaces import Surface, sig
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ import pytest
 import scipy.linalg
 
 import rbimpedance as rbi
-from rbimpedance._arrays import Array
+from rbimpedance._common.arrays import Array
 from rbimpedance.trajectories import Trajectory, cosine, hold
 from rbimpedance.tuning import GainProposal, PlantSample, Uncertainty, propose_gains, slowed
 from rbimpedance.tuning.gain_design import Design, Task, design, measure_task

@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import ArrayLike
 
 import rbimpedance as rbi
-from rbimpedance._arrays import Array
-from rbimpedance.controller import ControllerOutput
+from rbimpedance._common.arrays import Array
+from rbimpedance.control.controller import ControllerOutput
+from rbimpedance.control.imperfect import ImperfectController, ImperfectState
 from rbimpedance.tuning import Uncertainty
-from rbimpedance.tuning.imperfect import ImperfectController, ImperfectState
 
 from .arms import manipulator, pendulum, spinner
 

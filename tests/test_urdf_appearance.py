@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 import rbimpedance as rbi
-from rbimpedance.loading import urdf_appearance
-from rbimpedance.loading.robot_sources import RobotText
-from rbimpedance.loading.urdf_appearance import Appearance, find_mesh, read_appearance
+from rbimpedance.robot.loading import urdf_appearance
+from rbimpedance.robot.loading.robot_sources import RobotText
+from rbimpedance.robot.loading.urdf_appearance import Appearance, find_mesh, read_appearance
 
 from .arms import mimic_urdf, spinner_urdf, urdf
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 import rbimpedance as rbi
-from rbimpedance.loading import urdf_reader
-from rbimpedance.loading.urdf_document import Mimic
-from rbimpedance.loading.urdf_reader import parse_urdf
+from rbimpedance.robot.loading import urdf_reader
+from rbimpedance.robot.loading.urdf_document import Mimic
+from rbimpedance.robot.loading.urdf_reader import parse_urdf
 
 LINK = """<link name="a"><inertial><origin xyz="0.1 0 0" rpy="0 0 0"/><mass value="1.5"/>
 <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.2"/></inertial></link>"""

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import rbimpedance as rbi
+from rbimpedance.law.impedance_changes import blend, check_variation
 from rbimpedance.trajectories import Reference
-from rbimpedance.variable_impedance import blend, check_variation
 
 from .arms import manipulator
 

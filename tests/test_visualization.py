@@ -22,10 +22,10 @@ import trimesh
 import rbimpedance as rbi
 from rbimpedance import ArmModel, GainError, ModelError, SimulationResult, load_robot, view
 from rbimpedance.interaction import FrameWrench, Sum
-from rbimpedance.viewing.drawing import Drawing
-from rbimpedance.viewing.meshes import CompactMesh, read_mesh, thinned
-from rbimpedance.viewing.shapes import look_of
-from rbimpedance.visualization import MOST_FRAMES, _at_tool, animate
+from rbimpedance.pictures.page.drawing import Drawing
+from rbimpedance.pictures.page.meshes import CompactMesh, read_mesh, thinned
+from rbimpedance.pictures.page.shapes import look_of
+from rbimpedance.pictures.viewer import MOST_FRAMES, _at_tool, animate
 
 from .arms import LIMIT, mimic_urdf, spinner_urdf, urdf, urdf_joint, urdf_link
 from .runs import swung

@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
-from . import achieved, bodies, common, contact, delay, estimators, far, gains, limits, variable
+from . import (
+    achieved,
+    bodies,
+    common,
+    contact,
+    delay,
+    estimators,
+    far,
+    gains,
+    limits,
+    variable,
+)
 
 _MODULES = (gains, limits, bodies, far, achieved, contact, delay, estimators, variable)
 

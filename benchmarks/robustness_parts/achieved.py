@@ -10,8 +10,9 @@ import numpy as np
 from matplotlib import pyplot as plt
 
 import rbimpedance as rbi
-from rbimpedance import baselines, trajectories
-from rbimpedance.estimators import MomentumObserver
+from rbimpedance import trajectories
+from rbimpedance.control import baselines
+from rbimpedance.interaction.estimators import MomentumObserver
 
 from .common import DT, Array, Figures, Job, Options, Part, markdown, simulate
 from .pushed import PAYLOAD, law, load, recipe

@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib import pyplot as plt
 
 import rbimpedance as rbi
-from rbimpedance.energy import energy_balance
-from rbimpedance.estimators import MomentumObserver, SuperTwistingMomentumObserver
 from rbimpedance.interaction import normal_impedance
+from rbimpedance.interaction.estimators import MomentumObserver, SuperTwistingMomentumObserver
+from rbimpedance.simulation.energy import energy_balance
 
 from .common import DT, Array, Figures, Job, Options, Part, markdown, simulate
 from .pushed import (

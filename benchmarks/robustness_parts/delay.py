@@ -10,13 +10,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 
 import rbimpedance as rbi
-from rbimpedance.interaction import (
-    Delay,
-    LowPass,
-    contact_damping,
-    recommended_mass,
-    smallest_mass,
-)
+from rbimpedance.interaction import Delay, LowPass, contact_damping, recommended_mass, smallest_mass
 
 from .common import DT, Array, Figures, Job, Options, Part, markdown, simulate
 from .pushed import (

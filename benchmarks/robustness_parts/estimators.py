@@ -12,8 +12,9 @@ from matplotlib import pyplot as plt
 
 import rbimpedance as rbi
 from rbimpedance import trajectories
-from rbimpedance.estimators import MomentumObserver, SuperTwistingMomentumObserver, sense
 from rbimpedance.interaction import Push, Sum
+from rbimpedance.interaction.estimators import MomentumObserver, SuperTwistingMomentumObserver
+from rbimpedance.simulation.replay import sense
 
 from .achieved import WANTED
 from .common import DT, Array, Figures, Job, Options, Part, markdown, simulate

@@ -9,7 +9,7 @@ import numpy as np
 
 import rbimpedance as rbi
 from rbimpedance import trajectories
-from rbimpedance.variable_impedance import blend, check_variation
+from rbimpedance.law.impedance_changes import blend, check_variation
 
 from .common import DT, Array, Figures, Job, Options, Part, markdown, simulate
 from .pushed import FIRST, SETTINGS, law, load, recipe

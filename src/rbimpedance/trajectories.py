@@ -9,9 +9,9 @@ from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._arrays import Array, per_joint, positive, real, vector
-from .dynamics import ArmModel
+from ._common.arrays import Array, per_joint, positive, real, vector
 from .exceptions import DimensionError, GainError
+from .robot.arm_model import ArmModel
 
 
 class Reference(NamedTuple):

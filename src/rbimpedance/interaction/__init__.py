@@ -23,6 +23,7 @@ from .sensors import Sensor as Sensor
 from .wrench_sensor import WrenchSensor as WrenchSensor
 from .wrench_sensor import calibrate_tool as calibrate_tool
 from .wrenches import AppliedWrench as AppliedWrench
+from .wrenches import EnvironmentLike as EnvironmentLike
 from .wrenches import FrameInteraction as FrameInteraction
 from .wrenches import FrameWrench as FrameWrench
 from .wrenches import Interaction as Interaction

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._arrays import Array, gain, positive_number, vector
-from .._frozen import set_fields
-from ..dynamics import ArmModel
+from .._common.arrays import Array, gain, positive_number, vector
+from .._common.frozen import set_fields
 from ..exceptions import GainError
+from ..robot.arm_model import ArmModel
 from .wrenches import AppliedWrench, FrameWrench
 
 _RATE_STEP = 1e-6  # s: half the span of the central difference of a wall's displacement

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._arrays import Array, positive_number, vector
-from ..dynamics import ArmModel
+from .._common.arrays import Array, positive_number, vector
 from ..exceptions import GainError
-from ..impedance import Impedance
+from ..law.impedance import Impedance
+from ..robot.arm_model import ArmModel
 
 LOOP_AGE = 3.0
 """What the sampled loop adds to the age of the readings, in control periods: the largest measured."""

@@ -12,7 +12,7 @@ from typing import Any, Protocol, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._arrays import Array, positive_number
+from .._common.arrays import Array, positive_number
 from ..exceptions import GainError
 
 StateT = TypeVar("StateT")

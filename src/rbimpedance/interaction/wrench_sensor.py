@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._arrays import Array, vector
-from .._frozen import set_fields
-from ..dynamics import ArmModel
+from .._common.arrays import Array, vector
+from .._common.frozen import set_fields
 from ..exceptions import DimensionError, GainError
+from ..robot.arm_model import ArmModel
 from .sensors import LowPass
 from .wrenches import FrameInteraction
 

@@ -11,9 +11,9 @@ from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._arrays import Array, vector
-from ..dynamics import ArmModel
+from .._common.arrays import Array, vector
 from ..exceptions import GainError
+from ..robot.arm_model import ArmModel
 
 TimeFunction: TypeAlias = Callable[[float], ArrayLike]
 """Maps a time [s] to a vector."""
@@ -172,7 +172,11 @@ class Nothing:
         return np.zeros(arm.nv)
 
 
-def as_interaction(wrench: Interaction | ArrayLike | TimeFunction | None) -> Interaction:
+EnvironmentLike: TypeAlias = Interaction | ArrayLike | TimeFunction
+"""What `as_interaction` takes: an interaction, a constant vector, or a function of time."""
+
+
+def as_interaction(wrench: EnvironmentLike | None) -> Interaction:
     """Return what `simulate` means by its `wrench` argument.
 
     Args:

@@ -3,4 +3,4 @@
 from .batch import BatchResult as BatchResult
 from .batch import simulate_batch as simulate_batch
 from .closed_loop import SPEED_BOUND as SPEED_BOUND
-from .single import simulate as simulate
+from .run import simulate as simulate

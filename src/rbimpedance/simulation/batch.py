@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._arrays import Array, BoolArray
-from ..controller import Controller
-from ..dynamics import ArmModel
+from .._common.arrays import Array, BoolArray
+from ..control.protocol import Controller
 from ..exceptions import DimensionError, GainError
-from ..interaction import Interaction, TimeFunction
-from ..plants import Plant
-from ..plants.integrators import Integrator
+from ..interaction import EnvironmentLike
+from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory
 from .batch_run import run_worlds
 from .closed_loop import CHANNELS, ClosedLoop
+from .plants import Plant
+from .plants.integrators import Integrator
+from .run import check_choice, check_whole, closed_loop
 from .sampling import tick_times
-from .single import check_choice, check_whole, closed_loop
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -64,7 +64,7 @@ def simulate_batch(
     plant: ArmModel | Plant[Any] | Sequence[ArmModel | Plant[Any]],
     trajectory: Trajectory | Sequence[Trajectory],
     *,
-    wrench: Interaction | ArrayLike | TimeFunction | Sequence[Any] | None = None,
+    wrench: EnvironmentLike | Sequence[Any] | None = None,
     q0: ArrayLike | None = None,
     v0: ArrayLike | None = None,
     duration: float,

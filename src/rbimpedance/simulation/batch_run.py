@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._arrays import Array
+from .._common.arrays import Array
 from ..exceptions import DivergenceError, GainError
-from ..result import SETTLING_TOLERANCES
 from .closed_loop import ClosedLoop, empty_channels, run
+from .result import SETTLING_TOLERANCES
 from .rollout import check_inputs, judged_world
 from .sampling import sample, tick_times
 
 if TYPE_CHECKING:
-    from ..compiled.journal import Figures
-    from ..compiled.rollout import Controlled
-    from ..compiled.schedule import Drive
-    from ..compiled.world import World
     from ..trajectories import Reference
+    from .compiled.environment_tables import Drive
+    from .compiled.log import Figures
+    from .compiled.rollout import Controlled
+    from .compiled.world import World
 
 METRICS = (
     *(f"{name}_{kind}" for name in ("e1", "e2", "e_im") for kind in ("max", "rms")),
@@ -145,7 +145,7 @@ class _Threads:
         log: BatchLog,
         after: float | None,
     ) -> None:
-        from ..compiled.journal import empty_figures  # noqa: PLC0415 (Numba is loaded when needed)
+        from .compiled.log import empty_figures  # noqa: PLC0415 (Numba is loaded when needed)
 
         self.loops, self.worlds, self.log = loops, worlds, log
         self.unsound: list[int] = []
@@ -201,7 +201,7 @@ class _Threads:
 
     def _run_portion(self, block: range, portion: list[int], samples: dict[int, Any]) -> None:
         """Run some worlds, in one thread."""
-        from ..compiled.world import desk, journal  # noqa: PLC0415
+        from .compiled.world import desk, journal  # noqa: PLC0415
 
         log, plant = self.log, self.loops[portion[0]].plant
         space = desk(plant.nq, plant.nv)
@@ -218,7 +218,7 @@ class _Threads:
                 self.unsound.append(i)
 
     def _put_metrics(self, i: int, ticks: int) -> None:
-        from ..compiled.journal import figures_of_merit  # noqa: PLC0415
+        from .compiled.log import figures_of_merit  # noqa: PLC0415
 
         merits = figures_of_merit(self.figures[i], ticks, self.loops[i].controller.dt)
         for name, figure in zip(METRICS, merits, strict=True):

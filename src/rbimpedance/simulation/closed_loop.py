@@ -10,18 +10,19 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from .._arrays import Array
-from ..checkpointing import Checkpoint, RunState
-from ..controller import Controller
-from ..dynamics import ArmModel
+from .._common.arrays import Array
+from ..control.protocol import Controller
+from ..control.provenance import provenance
+from ..control.snapshot import fingerprint
+from ..control.telemetry import FLAGS
 from ..exceptions import DivergenceError, GainError
 from ..interaction import Interaction, Sensor
-from ..plants import Motion, Plant, RigidPlant
-from ..plants.integrators import Integrator
-from ..result import SimulationResult, provenance
-from ..snapshot import fingerprint
-from ..telemetry import FLAGS
+from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory
+from .checkpoint import Checkpoint, RunState
+from .plants import Motion, Plant, RigidPlant
+from .plants.integrators import Integrator
+from .result import SimulationResult
 from .sampling import tick_times
 
 SPEED_BOUND = 1e4

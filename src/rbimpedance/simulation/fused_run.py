@@ -5,17 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ..checkpointing import Checkpoint
 from ..exceptions import UnsupportedJointError
-from ..result import SimulationResult
 from ..trajectories import Reference
+from .checkpoint import Checkpoint
 from .closed_loop import ClosedLoop, OnTick, empty_channels
+from .result import SimulationResult
 from .rollout import blocks_to_do, check_inputs, new_world, reason_against
 from .sampling import sample, tick_times
 
 if TYPE_CHECKING:
-    from ..compiled.between import Between
-    from ..compiled.world import World
+    from .compiled.pinocchio_loop import Between
+    from .compiled.world import World
 
 
 def run_fused(
@@ -33,8 +33,8 @@ def run_fused(
         return None
     if loop.integrator != "semi-implicit" or loop.friction_is_stiff():
         return None
-    from ..compiled.tables import arm_tables  # noqa: PLC0415 (Numba is loaded when needed)
-    from ..compiled.world import controlled  # noqa: PLC0415
+    from ..robot.compiled.tables import arm_tables  # noqa: PLC0415 (Numba is loaded when needed)
+    from .compiled.world import controlled  # noqa: PLC0415
 
     loop = replace(loop, plant=loop.plant.copy())
     try:
@@ -49,7 +49,7 @@ class _FusedRun:
     """One run."""
 
     def __init__(self, loop: ClosedLoop, world: World) -> None:
-        from ..compiled.world import desk, journal  # noqa: PLC0415 (Numba is loaded when needed)
+        from .compiled.world import desk, journal  # noqa: PLC0415 (Numba is loaded when needed)
 
         self.loop, self.world = loop, world
         nq, nv = loop.plant.nq, loop.plant.nv
@@ -74,8 +74,8 @@ class _FusedRun:
 
     def _run_block(self, block: range, between: Between, on_tick: OnTick | None) -> int | None:
         """Run a block of ticks; return the one whose inputs are refused."""
-        from ..compiled.between import GOES_ON, kernels  # noqa: PLC0415
-        from ..compiled.held import hold  # noqa: PLC0415
+        from .._numba.table_arguments import hold  # noqa: PLC0415
+        from .compiled.pinocchio_loop import GOES_ON, kernels  # noqa: PLC0415
 
         begin, act, move = kernels(between)
         held, desk, (q, v, _, _, tau_ext) = hold(between), between.desk, between.motion

@@ -5,21 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from ..checkpointing import Checkpoint
-from ..compiled import is_available, say_once
-from ..controller import ImpedanceController
+from .._numba.notices import say_once
+from ..control.compiled.warm_up import is_available
+from ..control.controller import ImpedanceController
+from ..control.errors import check_measurements
 from ..exceptions import UnsupportedJointError
 from ..interaction import Perfect
-from ..result import SimulationResult
-from ..tracking import check_measurements
 from ..trajectories import Reference
+from .checkpoint import Checkpoint
 from .closed_loop import SPEED_BOUND, ClosedLoop, OnTick, empty_channels
+from .result import SimulationResult
 from .sampling import sample, tick_times
 
 if TYPE_CHECKING:
-    from ..compiled.rollout import Controlled
-    from ..compiled.tables import ArmTables
-    from ..compiled.world import World
+    from ..robot.compiled.tables import ArmTables
+    from .compiled.rollout import Controlled
+    from .compiled.world import World
 
 STATES = 20
 """Random states at which a plant's compiled dynamics are compared with Pinocchio's."""
@@ -39,7 +40,7 @@ def run_compiled(
     world = judged_world(loop, {}, STATES)
     if world is None:
         return None
-    from ..compiled.world import desk, journal  # noqa: PLC0415 (Numba is loaded when needed)
+    from .compiled.world import desk, journal  # noqa: PLC0415 (Numba is loaded when needed)
 
     nq, nv, dt = loop.plant.nq, loop.plant.nv, loop.controller.dt
     channels, space = empty_channels(loop.ticks + 1, nq, nv), desk(nq, nv)
@@ -95,8 +96,8 @@ def judged_world(loop: ClosedLoop, known: dict[int, Controlled], states: int) ->
     """
     if not is_available("rollout"):
         return None
-    from ..compiled.dynamics import CompiledDynamics  # noqa: PLC0415 (Numba is loaded when needed)
-    from ..compiled.world import controlled  # noqa: PLC0415
+    from ..robot.compiled.dynamics import CompiledDynamics  # noqa: PLC0415 (Numba is loaded when needed)
+    from .compiled.world import controlled  # noqa: PLC0415
 
     reason = reason_against(loop)
     try:
@@ -119,7 +120,7 @@ def reason_against(loop: ClosedLoop) -> str | None:
     for part, kind in ((loop.controller, ImpedanceController), (loop.sensor, Perfect)):
         if type(part) is not kind:
             return f"its {type(part).__name__}"
-    from ..compiled.world import reason_against_parts  # noqa: PLC0415
+    from .compiled.world import reason_against_parts  # noqa: PLC0415
 
     return reason_against_parts(loop.controller, loop.environment)
 
@@ -137,7 +138,7 @@ def new_world(loop: ClosedLoop, controller: Controlled, plant: ArmTables) -> Wor
         InputError: The environment does not fit the arm.
         ModelError: It acts at a frame that the arm does not have.
     """
-    from ..compiled.world import Settings, World  # noqa: PLC0415
+    from .compiled.world import Settings, World  # noqa: PLC0415
 
     loop.environment.torque(loop.plant, 0.0, loop.q, loop.v)  # refuses what does not fit the arm
     integrator: Any = "stiff" if loop.friction_is_stiff() else loop.integrator

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from .._arrays import Array
-from ..dynamics import ArmModel
-from ..tracking import check_reference
+from .._common.arrays import Array
+from ..control.errors import check_reference
+from ..robot.arm_model import ArmModel
 from ..trajectories import Reference, SampledTrajectory, Trajectory
 
 

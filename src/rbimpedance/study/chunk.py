@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..controller import Controller
+from ..control.protocol import Controller
 from ..exceptions import DivergenceError
 from ..simulation import simulate
 from .definition import Experiment, Study, Task

@@ -8,20 +8,19 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from .._arrays import Array, positive_number
-from .._suggestions import suggest
-from ..controller import Controller
-from ..dynamics import ArmModel
+from .._common.arrays import Array, positive_number
+from .._common.suggestions import suggest
+from ..control.imperfect import whole_number
+from ..control.protocol import Controller
 from ..exceptions import GainError
-from ..impedance import Impedance
-from ..interaction import Interaction, Sensor, TimeFunction
-from ..plants import Plant
-from ..simulation.single import check_whole
+from ..interaction import EnvironmentLike, Sensor
+from ..law.impedance import Impedance
+from ..robot.arm_model import ArmModel
+from ..simulation.plants import Plant
+from ..simulation.run import check_whole
 from ..trajectories import Trajectory
 from ..tuning import GainProposal
-from ..tuning.imperfect import whole_number
 
 
 def unchanged(controller: Controller[Any]) -> Controller[Any]:
@@ -81,7 +80,7 @@ class Experiment:
 
     plant: ArmModel | Plant[Any]
     trajectory: Trajectory
-    wrench: Interaction | ArrayLike | TimeFunction | None = None
+    wrench: EnvironmentLike | None = None
     sensor: Sensor[Any] | None = None
     q0: Array | None = None
     around: Callable[[Controller[Any]], Controller[Any]] = unchanged

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-from .._suggestions import suggest
+from .._common.suggestions import suggest
 from .definition import Study
 from .folder import StudyError
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .._files import remove_parts, whole_file
+from .._common.files import remove_parts, whole_file
 from ..exceptions import RBImpedanceError
 from .chunk import Answer
 from .definition import Study

@@ -6,10 +6,10 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from .._arrays import Array
-from ..dynamics import ArmModel
+from .._common.arrays import Array
 from ..exceptions import GainError
-from ..result import SimulationResult
+from ..robot.arm_model import ArmModel
+from ..simulation.result import SimulationResult
 from ..simulation.sampling import sample
 from ..trajectories import Trajectory
 from .definition import Task

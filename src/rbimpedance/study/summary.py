@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._arrays import Array
+from .._common.arrays import Array
 from ..exceptions import GainError
 from .measures import Figures
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from .._files import whole_file
+from .._common.files import whole_file
 from ..exceptions import MissingExtraError
 from .measures import Figures
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .imperfect import ImperfectController as ImperfectController
+from ..control.imperfect import ImperfectController as ImperfectController
 from .motions import Spread as Spread
 from .plant_sample import PlantSample as PlantSample
 from .proposal import GainProposal as GainProposal

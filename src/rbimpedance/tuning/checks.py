@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._arrays import Array
-from ..impedance import Impedance
-from ..stability import Certificate, certify
+from .._common.arrays import Array
+from ..law.certificate import Certificate, certify
+from ..law.impedance import Impedance
 from .gain_design import Design, Measured, Task, design
 from .torque_demand import Exertion, TorqueDemand
 from .torque_limits import demand_of, refused_for_torque, torque_ways_out, without_reserve

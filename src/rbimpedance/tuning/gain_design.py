@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._arrays import Array
-from ..controller import Backend
-from ..dynamics import ArmModel
-from ..limits import Limits
-from ..surfaces import FastTerminalSurface, Surface
+from .._common.arrays import Array
+from ..control.protocol import Backend
+from ..law.limits import Limits
+from ..law.surfaces import FastTerminalSurface, Surface
+from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory
 from .input_gain import LARGEST_MARGIN, bears, gain_limit, needed_margin
 from .mismatch import Mismatch, carried_model, measure

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._arrays import Array
-from ..controller import ImpedanceController
-from ..dynamics import ArmModel
+from .._common.arrays import Array
+from ..control.controller import ImpedanceController
 from ..exceptions import GainError, ModelError
-from ..impedance import Impedance
-from ..limits import Limits
-from ..super_twisting import SuperTwisting
-from ..surfaces import FastTerminalSurface, PowerSurface, Surface
+from ..law.impedance import Impedance
+from ..law.limits import Limits
+from ..law.super_twisting import SuperTwisting
+from ..law.surfaces import FastTerminalSurface, PowerSurface, Surface
+from ..robot.arm_model import ArmModel
 from .plant_sample import with_body
 from .proposal import GainProposal
 from .torque_demand import TorqueDemand

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._arrays import Array
+from .._common.arrays import Array
 
 LARGEST_MARGIN = 100.0
 """Margins beyond it are not looked for: the loop were a hundred periods slow."""

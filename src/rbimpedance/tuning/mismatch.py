@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._arrays import Array
-from ..dynamics import ArmModel
-from ..pinocchio_dynamics import COULOMB_SMOOTHING
+from .._common.arrays import Array
+from ..robot.arm_model import ArmModel
+from ..robot.pinocchio_dynamics import COULOMB_SMOOTHING
 from ..trajectories import Reference
 from .motions import Motion
 from .plant_sample import PlantSample, with_body

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._arrays import Array, positive_number
-from ..dynamics import ArmModel
+from .._common.arrays import Array, positive_number
+from ..robot.arm_model import ArmModel
 from ..trajectories import Reference, Trajectory
 from .ranges import size
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from .._arrays import Array
-from ..controller import Controller
-from ..dynamics import ArmModel
-from .imperfect import ImperfectController
+from .._common.arrays import Array
+from ..control.imperfect import ImperfectController
+from ..control.protocol import Controller
+from ..robot.arm_model import ArmModel
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

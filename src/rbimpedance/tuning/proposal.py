@@ -8,19 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._arrays import Array, per_joint, positive_number
-from ..controller import Backend, ImpedanceController
-from ..dynamics import ArmModel
+from .._common.arrays import Array, per_joint, positive_number
+from ..control.controller import ImpedanceController
+from ..control.imperfect import whole_number
+from ..control.protocol import Backend
 from ..exceptions import GainError
-from ..impedance import Impedance
-from ..limits import Limits, as_limits
-from ..stability import Certificate
-from ..super_twisting import SuperTwisting
-from ..surfaces import NonsingularTerminalSurface, Surface
+from ..law.certificate import Certificate
+from ..law.impedance import Impedance
+from ..law.limits import Limits, as_limits
+from ..law.super_twisting import SuperTwisting
+from ..law.surfaces import NonsingularTerminalSurface, Surface
+from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory
 from .checks import Checked, check
 from .gain_design import Task, measure_task
-from .imperfect import whole_number
 from .mismatch import Mismatch
 from .motions import Spread
 from .torque_demand import TorqueDemand

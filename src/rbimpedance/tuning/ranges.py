@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._arrays import Array, gain, real, vector
+from .._common.arrays import Array, gain, real, vector
 from ..exceptions import DimensionError, GainError
 
 

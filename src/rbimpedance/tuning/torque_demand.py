@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .._arrays import Array
-from ..limits import Limits
+from .._common.arrays import Array
+from ..law.limits import Limits
 from ..trajectories import Reference, Trajectory
 from .plant_sample import PlantSample
 

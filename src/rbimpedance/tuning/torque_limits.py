@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..limits import Limits
+from ..law.limits import Limits
 from .gain_design import Design, Task, design, measure_task
 from .torque_demand import Exertion, TorqueDemand, slowed
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._arrays import Array, per_joint
-from .._frozen import set_fields
-from ..dynamics import ArmModel
-from .imperfect import whole_number
+from .._common.arrays import Array, per_joint
+from .._common.frozen import set_fields
+from ..control.imperfect import whole_number
+from ..robot.arm_model import ArmModel
 from .plant_sample import PlantSample, tilted, with_body
 from .ranges import box, constant_range, is_not_negative, is_positive, range_of, scalar_range, size
 

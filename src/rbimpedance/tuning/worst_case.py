@@ -7,15 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._arrays import Array
-from ..controller import ImpedanceController
-from ..dynamics import ArmModel
+from .._common.arrays import Array
+from ..control.controller import ImpedanceController
 from ..exceptions import DivergenceError
-from ..impedance import Impedance
-from ..limits import Limits
-from ..result import SimulationResult
-from ..simulation.single import simulate
-from ..super_twisting import SuperTwisting
+from ..law.impedance import Impedance
+from ..law.limits import Limits
+from ..law.super_twisting import SuperTwisting
+from ..robot.arm_model import ArmModel
+from ..simulation.result import SimulationResult
+from ..simulation.run import simulate
 from ..trajectories import Trajectory
 from .gain_design import Design, Task
 from .plant_sample import PlantSample

@@ -9,10 +9,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ..._arrays import Array
-from ...dynamics import ArmModel
-from ...impedance import Impedance
-from ...robots import load_robot
+from ..._common.arrays import Array
+from ...law.impedance import Impedance
+from ...robot.arm_model import ArmModel
+from ...robot.load import load_robot
 from ...trajectories import cosine
 from ...tuning import GainProposal, Spread, Uncertainty, propose_gains
 from ..definition import Task

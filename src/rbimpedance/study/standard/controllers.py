@@ -12,8 +12,8 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from ..._arrays import Array
-from ...baselines import (
+from ..._common.arrays import Array
+from ...control.baselines import (
     ComputedTorqueImpedance,
     FirstOrderSlidingMode,
     PDGravity,
@@ -21,9 +21,10 @@ from ...baselines import (
     SlotineLi,
     Smoothing,
 )
-from ...controller import Controller, ImpedanceController
-from ...super_twisting import SuperTwisting
-from ...surfaces import PowerSurface
+from ...control.controller import ImpedanceController
+from ...control.protocol import Controller
+from ...law.super_twisting import SuperTwisting
+from ...law.surfaces import PowerSurface
 from ..definition import Task
 from .arms import DELAY
 

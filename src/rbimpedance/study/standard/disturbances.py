@@ -10,12 +10,12 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..._arrays import Array
-from ...controller import Controller
-from ...encoders import QuantizedEncoders
-from ...estimators import MomentumObserver
+from ..._common.arrays import Array
+from ...control.encoders import QuantizedEncoders
+from ...control.protocol import Controller
 from ...interaction import FrameWrench, Push, Wall
-from ...plants import DrivenPlant
+from ...interaction.estimators import MomentumObserver
+from ...simulation.plants import DrivenPlant
 from ...tuning import ImperfectController
 from ..definition import Experiment, Task
 from .arms import DELAY

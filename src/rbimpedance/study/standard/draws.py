@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import Array
-from ...dynamics import ArmModel
-from ...plants import Plant
+from ..._common.arrays import Array
+from ...robot.arm_model import ArmModel
+from ...simulation.plants import Plant
 from ...trajectories import Trajectory, cosine
 from ..definition import Experiment, Task
 from .arms import AMPLITUDE, ARMS, PERIOD, posture

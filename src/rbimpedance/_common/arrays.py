@@ -1,0 +1,149 @@
+"""The border between user input and the library: everything inside is a float64 array of known shape."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..exceptions import DimensionError, GainError, NonFiniteError
+
+Array: TypeAlias = NDArray[np.float64]
+"""What the library returns: float64, C-contiguous, native byte order."""
+
+BoolArray: TypeAlias = NDArray[np.bool_]
+"""One truth value per joint."""
+
+
+def vector(name: str, value: ArrayLike, size: int | None, symbol: str = "nv") -> Array:
+    """Check that a run-time input is a finite real vector of the given size.
+
+    Args:
+        name: Argument's name, for the error.
+        value: The input; float64 arrays pass without a copy.
+        size: Expected length; None for any.
+        symbol: What that length is called, for the error.
+
+    Returns:
+        The input as float64 in native byte order, shape (size,).
+
+    Raises:
+        DimensionError: Not a real vector of that length.
+        NonFiniteError: Holds NaN or infinity.
+    """
+    expected = f"a vector of shape ({symbol},)" + ("" if size is None else f" = ({size},)")
+    array = real(name, value, expected)
+    if array.ndim != 1 or size not in (None, len(array)):
+        raise DimensionError(name, expected, f"shape {array.shape}")
+    if not np.isfinite(array).all():
+        raise NonFiniteError(name, np.flatnonzero(~np.isfinite(array)).tolist())
+    return array
+
+
+def positive(name: str, value: ArrayLike) -> Array:
+    """Return a read-only scalar or vector of positive, finite gains.
+
+    Raises:
+        GainError: An entry is not a positive finite number, or the shape is neither () nor (nv,).
+    """
+    return gain(name, value, "positive", lambda x: x > 0.0)
+
+
+def positive_number(name: str, value: Any, meaning: str) -> float:
+    """Return a single positive, finite number.
+
+    Args:
+        name: Parameter's name, for the error.
+        value: What was given.
+        meaning: What it is, in words ("control period in seconds").
+
+    Raises:
+        GainError: It is anything else.
+    """
+    is_number = isinstance(value, int | float | np.integer | np.floating)
+    if not is_number or isinstance(value, bool) or not 0.0 < float(value) < np.inf:
+        raise GainError(name, value, f"a positive, finite {meaning}")
+    return float(value)
+
+
+def gain(name: str, value: ArrayLike, admissible: str, is_admissible: Any) -> Array:
+    """Return a read-only scalar or per-joint vector of finite gains that satisfy a predicate.
+
+    Args:
+        name: Parameter's name, for the error.
+        value: Scalar or (nv,).
+        admissible: The admissible set in words.
+        is_admissible: Elementwise predicate on the array.
+
+    Returns:
+        A read-only copy, shape () or (nv,).
+
+    Raises:
+        GainError: Outside the admissible set.
+    """
+    words = f"{admissible} and finite, a scalar or one number per joint"
+    try:
+        array = np.array(real(name, value, words))
+    except DimensionError as error:
+        raise GainError(name, value, words) from error
+    if array.ndim > 1 or not np.isfinite(array).all() or not np.all(is_admissible(array)):
+        raise GainError(name, value, words)
+    array.setflags(write=False)
+    return array
+
+
+def per_joint(name: str, value: Array, nv: int) -> Array:
+    """Spread a scalar gain over the joints, or check that there is one for each.
+
+    Raises:
+        DimensionError: Neither a scalar nor of shape (nv,).
+    """
+    if value.shape not in ((), (nv,)):
+        raise DimensionError(
+            name, f"a scalar or one number per joint, shape (nv,) = ({nv},)", f"shape {value.shape}"
+        )
+    return np.broadcast_to(value, (nv,))
+
+
+def not_negative(name: str, value: ArrayLike, nv: int) -> Array:
+    """Return numbers from 0 on, shape (nv,).
+
+    Raises:
+        GainError: Anything else.
+        DimensionError: They are given for another number of joints.
+    """
+    return per_joint(name, gain(name, value, "zero or positive", lambda x: x >= 0.0), nv)
+
+
+def real(name: str, value: ArrayLike, expected: str) -> Array:
+    """Convert to native float64 of any shape; complex, bool, text and objects are refused.
+
+    Args:
+        name: Argument's name, for the error.
+        value: The input; float64 arrays pass without a copy.
+        expected: What would be right, in words, for the error.
+
+    Raises:
+        DimensionError: Ragged, or of a kind that is no real number.
+    """
+    try:
+        array = np.asarray(value)
+    except ValueError as error:
+        raise DimensionError(name, expected, "a ragged sequence") from error
+    if array.dtype.kind not in "fiu":
+        raise DimensionError(name, expected, f"dtype {array.dtype}")
+    return np.asarray(array, dtype=np.float64, order="C")
+
+
+def is_finite(value: object) -> bool:
+    """Tell whether every number in a state or output is finite.
+
+    Args:
+        value: An array, a number, or a tuple of such ones; everything that is no number counts as finite.
+    """
+    if isinstance(value, tuple):
+        return all(is_finite(item) for item in value)
+    if isinstance(value, float) or (isinstance(value, np.ndarray) and value.dtype.kind == "f"):
+        return bool(np.isfinite(value).all())
+    return True

@@ -1,0 +1,106 @@
+"""How the kernels are compiled: with which floating-point rules, kept on disk how, called from Python how.
+
+Numba is imported here and in the `compiled` packages, and only once a kernel is asked for.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import logging
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from numba import njit, types
+from numba.core.caching import FunctionCache
+
+from .notices import say_once
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_RULES: Any = {"error_model": "numpy", "boundscheck": False, "no_cfunc_wrapper": True}
+_HELPER: Any = {**_RULES, "no_cpython_wrapper": True}
+"""Nothing but other compiled code calls a helper; doors to it from Python would take half of the time to compile."""
+
+
+def inline(function: Function) -> Function:
+    """Compile a helper into its callers, in strict IEEE arithmetic."""
+    return njit(forceinline=True, **_HELPER)(function)  # type: ignore[no-any-return]
+
+
+def fused(function: Function) -> Function:
+    """The same, with a·b + c rounded once: it is more exact, not less, and a third faster.
+
+    No other relaxation is allowed: terms are not reordered, and NaN, infinity and the sign of zero keep their meaning.
+    """
+    return njit(forceinline=True, fastmath={"contract", "nsz"}, **_HELPER)(function)  # type: ignore[no-any-return]
+
+
+def routine(function: Function) -> Function:
+    """Compile a routine that kernels call; rounding as in `fused`."""
+    return njit(fastmath={"contract", "nsz"}, **_HELPER)(function)  # type: ignore[no-any-return]
+
+
+def kernel(
+    function: Callable[..., Any],
+    arguments: tuple[types.Type, ...],
+    returns: types.Type = types.int64,
+    *,
+    nogil: bool = False,
+) -> Callable[..., Any]:
+    """Compile a function for the given argument types, or load it from the disk, ready to be called from Python.
+
+    The call goes to Numba's entry point and not through its dispatcher: argument types are not looked at again.
+
+    Args:
+        function: The function.
+        arguments: Types of its arguments.
+        returns: Type of what it returns.
+        nogil: Whether it runs without the interpreter's lock.
+    """
+    dispatcher = njit(nogil=nogil, **_RULES)(function)
+    try:
+        dispatcher._cache = _PackageCache(function)
+    except RuntimeError:
+        say_once(
+            "compiling in every process anew, since no folder can be written to; set NUMBA_CACHE_DIR"
+        )
+    dispatcher.compile(returns(*arguments))
+    _KEPT_ALIVE.append(dispatcher)
+    entry: Callable[..., Any] = dispatcher.overloads[arguments].entry_point
+    return entry
+
+
+_KEPT_ALIVE: list[Any] = []
+"""An entry point does not own the machine code that it jumps to."""
+
+
+class _PackageCache(FunctionCache):  # type: ignore[misc]
+    """Numba's cache on disk, keyed by all sources of compiled code; a damaged one is replaced.
+
+    Numba itself looks only at the file that holds the kernel, and would miss a change in a helper's.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the compiled function, or None where it has to be compiled, which is logged."""
+        known = None
+        try:
+            known = super().load_overload(sig, target_context)
+        except Exception:
+            self.flush()
+        if known is None:
+            logging.getLogger("rbimpedance").info(
+                "compiling for this machine, which takes some seconds, once: %s", self.cache_path
+            )
+        return known
+
+    def _index_key(self, sig: Any, codegen: Any) -> Any:
+        return (str(sig), *super()._index_key(sig, codegen)[1:], _sources())
+
+
+@functools.cache
+def _sources() -> str:
+    package = Path(__file__).parents[1]
+    files = sorted([*package.glob("_numba/*.py"), *package.glob("*/compiled/*.py")])
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()

@@ -1,0 +1,126 @@
+"""The command `rbimpedance study`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from .._common.files import whole_file
+from ..pictures import figures as plotting
+from ..pictures.figures import study as _study_figures
+from ..study import Study, find_study, run_study, summarize
+from ..study.execution import OnRun
+from .study_tables import tables
+from .terminal import print_json, print_table, stderr, stdout
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells have it."""
+
+Names = list[str] | None
+
+
+def study(
+    which: Annotated[
+        str,
+        typer.Argument(
+            metavar="STUDY",
+            help="standard, or FILE.py:NAME or MODULE:NAME, whose code is then run.",
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Its folder; default: its name.")
+    ] = None,
+    jobs: Annotated[int, typer.Option("--jobs", help="Processes on this machine.")] = 1,
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster."),
+    ] = None,
+    samples: Annotated[
+        int | None, typer.Option("--samples", metavar="N", help="Only the first N of each.")
+    ] = None,
+    robots: Annotated[
+        Names, typer.Option("--robots", metavar="NAME", help="Only these; repeatable.")
+    ] = None,
+    controllers: Annotated[
+        Names, typer.Option("--controllers", metavar="NAME", help="Only these; repeatable.")
+    ] = None,
+    disturbances: Annotated[
+        Names, typer.Option("--disturbances", metavar="NAME", help="Only these; repeatable.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar and no table.")] = False,
+) -> None:
+    """Run many controllers on many robots under many disturbances: one table, a summary, figures.
+
+    A study that was stopped goes on where it was when the same command is given again.
+    """
+    chosen = find_study(which).part(
+        robots=tuple(robots or ()),
+        controllers=tuple(controllers or ()),
+        disturbances=tuple(disturbances or ()),
+        samples=samples,
+    )
+    folder = Path(chosen.name) if out is None else out
+    rows = _rows(chosen, folder, jobs, scheduler, quiet=quiet or as_json)
+    summary = summarize(rows)
+    files = _written(chosen, folder, rows, summary)
+    if as_json:
+        print_json(summary)
+        return
+    if not quiet:
+        for told in tables(summary):
+            print_table(told)
+    stdout.print("written: " + ", ".join(map(str, files)), soft_wrap=True, markup=False)
+
+
+def _rows(
+    chosen: Study, folder: Path, jobs: int, scheduler: str | None, *, quiet: bool
+) -> pa.Table:
+    """The table; Ctrl-C leaves with a word on how to go on."""
+    try:
+        with _progress(chosen.name, quiet=quiet) as on_run:
+            return run_study(chosen, folder, jobs=jobs, scheduler=scheduler, on_run=on_run)
+    except KeyboardInterrupt:
+        words = f"stopped: what is done is kept in '{folder}'; the same command goes on from there"
+        stderr.print(words, soft_wrap=True, markup=False)
+        raise typer.Exit(INTERRUPTED) from None
+
+
+def _written(chosen: Study, folder: Path, rows: pa.Table, summary: dict[str, Any]) -> list[Path]:
+    """Write summary and figures beside the table; returns all files."""
+    files = [folder / f"{chosen.name}.parquet", folder / "summary.json"]
+    with whole_file(files[1]) as file:
+        file.write((json.dumps(summary, indent=1, allow_nan=False) + "\n").encode())
+    for name, draw in _study_figures.FIGURES.items():
+        files.append(plotting.save(draw(rows), folder / f"{name}.png"))
+    return files
+
+
+@contextmanager
+def _progress(title: str, *, quiet: bool) -> Iterator[OnRun]:
+    """A progress bar over runs with the time left."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )
+    hidden = quiet or not stderr.is_terminal
+    with Progress(
+        *columns, console=stderr, transient=True, disable=hidden, speed_estimate_period=300.0
+    ) as bar:
+        task = bar.add_task(title, total=None)
+
+        def update(done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total)
+
+        yield update

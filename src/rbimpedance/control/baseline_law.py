@@ -1,0 +1,167 @@
+"""What the baselines share: the impedance filter, the errors, the checks and the figures."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._common.arrays import Array, positive_number
+from .._common.frozen import set_fields
+from ..law.impedance import TargetFilter, TargetImpedance
+from ..robot.arm_model import ArmModel
+from ..robot.knowledge import Knowledge, check_knowledge
+from ..robot.pinocchio_dynamics import PinocchioDynamics
+from ..trajectories import Reference
+from .controller import ControllerOutput
+from .errors import Tracking, track
+
+
+class BaselineState(NamedTuple):
+    """What a baseline remembers: the impedance filter alone.
+
+    Attributes:
+        q_e: Position of the impedance filter at this tick, shape (nv,) [rad or m].
+        v_e: Its velocity, shape (nv,) [rad/s or m/s].
+    """
+
+    q_e: Array
+    v_e: Array
+
+
+class Answer(NamedTuple):
+    """What a law makes of a tick: torque, sliding variable, acceleration added to a_r."""
+
+    tau: Array
+    s: Array
+    u: Array
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Baseline(ABC):
+    """A control law around the impedance filter; children give `_law`."""
+
+    arm: ArmModel
+    impedance: TargetImpedance
+    dt: float
+    knowledge: Knowledge
+    _filter: TargetFilter
+
+    def __init__(
+        self,
+        arm: ArmModel,
+        impedance: TargetImpedance,
+        dt: float,
+        *,
+        knowledge: Knowledge = "full",
+    ) -> None:
+        dt = positive_number("dt", dt, "control period in seconds")
+        check_knowledge(knowledge)
+        set_fields(
+            self,
+            arm=arm,
+            impedance=impedance,
+            dt=dt,
+            knowledge=knowledge,
+            _filter=impedance.filter(arm.nv, dt),
+        )
+
+    @abstractmethod
+    def _law(self, tick: Tracking) -> Answer:
+        """The control law."""
+
+    def init(self) -> BaselineState:
+        """Return the state before the first tick: filter at rest."""
+        zero = np.zeros(self.arm.nv)
+        zero.setflags(write=False)
+        return BaselineState(zero, zero)
+
+    def step(
+        self,
+        state: BaselineState,
+        q: ArrayLike,
+        v: ArrayLike,
+        reference: Reference,
+        tau_ext: ArrayLike,
+    ) -> tuple[ControllerOutput, BaselineState]:
+        """Compute the torque of one tick; see `ImpedanceController.step`.
+
+        Args:
+            state: From `init` or from the tick before.
+            q: Measured configuration, shape (nq,).
+            v: Measured velocity, shape (nv,) [rad/s or m/s].
+            reference: Desired motion at this tick.
+            tau_ext: Measured torque of the environment on the robot, shape (nv,) [N·m or N].
+
+        Returns:
+            The output, and the state for the next tick.
+
+        Raises:
+            DimensionError: Wrong shape or kind.
+            NonFiniteError: An input holds NaN or infinity.
+        """
+        q_e, v_e = state
+        tick = track(
+            self.arm, self._filter, q_e, v_e, q=q, v=v, reference=reference, tau_ext=tau_ext
+        )
+        tau, s, u = self._law(tick)
+        none = np.zeros(self.arm.nv, dtype=np.bool_)
+        output = ControllerOutput(
+            tau,
+            *(tick.q_r, tick.v_r, tick.a_r, tick.e1, tick.e2, s),
+            u=u,
+            q_e=q_e.copy(),
+            v_e=v_e.copy(),
+            saturated=none,
+            guaranteed=none.copy(),
+            rate_limited=none.copy(),
+            clipped=none.copy(),
+            held=none.copy(),
+        )
+        return output, BaselineState(*self._filter.advance(q_e, v_e, tick.tau_ext))
+
+    def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
+        """Return e_im (paper, eq. 5), shape (nv,) [N·m or N]; see `ImpedanceController`.
+
+        Args:
+            output: Of the tick.
+            a: Acceleration under the tick's torque, measured or simulated, shape (nv,).
+        """
+        e1, e2, e3 = output.e1, output.e2, output.a_r - a
+        return self._filter.error(e1, e2, e3, output.q_e, output.v_e)
+
+    def _passive_torque(self, q: Array, v: Array, v_ref: Array, a_ref: Array) -> Array:
+        """M a_ref + C(q, v) v_ref + g + friction(v), or M a_ref where only M is known."""
+        dynamics = self.arm.unchecked
+        torque: Array = dynamics.mass_matrix(q) @ a_ref
+        if self.knowledge == "mass":
+            return torque
+        gravity = dynamics.bias(q, np.zeros_like(v))
+        return torque + coriolis_torque(dynamics, q, v, v_ref) + gravity + dynamics.friction(v)
+
+    def _spring_damper(self, tick: Tracking) -> Array:
+        """D_d(v_d - v) + K_d(q_d - q), or what takes their place in a nonlinear target."""
+        q_d, v_d, _ = tick.desired
+        position = self.arm.unchecked.difference(tick.q, q_d)
+        return self._filter.restoring_torque(position, v_d - tick.v)
+
+
+def coriolis_torque(dynamics: PinocchioDynamics, q: Array, v: Array, w: Array) -> Array:
+    """Return C(q, v) w with the C of the Christoffel symbols, shape (nv,) [N·m or N].
+
+    Only that C makes dM/dt - 2C skew-symmetric. It is symmetric in v and w, so that C(q, v) w is the
+    polar form of c(v) = C(q, v) v, [c(v + w) - c(v - w)]/4; gravity drops out of the difference.
+
+    Args:
+        dynamics: The arm's dynamics.
+        q: Configuration, shape (nq,).
+        v: Velocity, shape (nv,).
+        w: The vector that C multiplies, shape (nv,).
+    """
+    total = dynamics.bias(q, v + w) - dynamics.bias(q, v - w)
+    friction = dynamics.friction(v + w) - dynamics.friction(v - w)
+    torque: Array = (total - friction) / 4.0
+    return torque

@@ -1,0 +1,256 @@
+"""The controllers that a user has today, with the `init` and `step` of `ImpedanceController`.
+
+They share its target, its reference q_r = q_d (+) q_e (paper, eqs. 3 and 4) and its figures e1, e2
+and e_im, so that `simulate` compares like with like, also where a law itself does not use q_r. All
+are immutable and pure. With `knowledge="mass"` a law knows M(q) and nothing else of the arm, as the
+controller in section 4 of the paper: whatever it would take from bias(q, v) is left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._common.arrays import Array, per_joint, positive
+from .._common.frozen import set_fields
+from ..exceptions import GainError
+from ..law.impedance import TargetImpedance
+from ..robot.arm_model import ArmModel
+from ..robot.knowledge import Knowledge, model_torque
+from .baseline_law import Answer, Baseline
+from .errors import Tracking
+
+Smoothing: TypeAlias = Literal["sign", "boundary-layer", "dead-zone"]
+"""What a first-order sliding mode switches with."""
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class ComputedTorqueImpedance(Baseline):
+    """Impedance control by inverse dynamics (Hogan 1985).
+
+        tau = M(q)·{a_d + M_d⁻¹[D_d(v_d - v) + K_d(q_d - q) + tau_ext]} + bias(q, v) - tau_ext
+
+    With an exact model the arm has the target impedance; whatever the model does not know acts on it
+    unopposed. It has no sliding variable: s is zero, and u is the feedback a - a_r.
+
+    Args:
+        arm: The controller's model of the arm.
+        impedance: Target impedance.
+        dt: Control period [s].
+        knowledge: "full"; or "mass", without the term bias(q, v).
+
+    Raises:
+        GainError: dt is not a positive number, or an unknown `knowledge`.
+        DimensionError: A gain is given for another number of joints.
+
+    References:
+        N. Hogan, Impedance control: an approach to manipulation, parts I-III, Journal of Dynamic
+        Systems, Measurement, and Control 107, 1985.
+    """
+
+    def _law(self, tick: Tracking) -> Answer:
+        q_d, v_d, a_d = tick.desired
+        deviation = self.arm.unchecked.difference(q_d, tick.q)
+        a = a_d + self._filter.acceleration(deviation, tick.v - v_d, tick.tau_ext)  # eq. (2)
+        tau = model_torque(self.arm, self.knowledge, tick.q, tick.v, a) - tick.tau_ext
+        return Answer(tau, np.zeros_like(a), a - tick.a_r)
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class PDGravity(Baseline):
+    """Joint stiffness: PD control with gravity compensation (Takegaki and Arimoto 1981).
+
+        tau = g(q) + D_d(v_d - v) + K_d(q_d - q)
+
+    What Drake's `JointStiffnessController` and the joint impedance example of libfranka amount to.
+    The arm yields with the target's spring and damper but with its own inertia; M_d and tau_ext enter
+    the figures e1, e2 and e_im only. s and u are zero.
+
+    Args:
+        arm: The controller's model of the arm.
+        impedance: Target impedance; its damping and stiffness are the PD gains.
+        dt: Control period [s].
+        knowledge: "full"; or "mass", without g(q).
+
+    Raises:
+        GainError: dt is not a positive number, or an unknown `knowledge`.
+        DimensionError: A gain is given for another number of joints.
+    """
+
+    def _law(self, tick: Tracking) -> Answer:
+        zero = np.zeros_like(tick.v)
+        tau = self._spring_damper(tick)
+        if self.knowledge == "full":
+            tau = tau + self.arm.unchecked.bias(tick.q, zero)
+        return Answer(tau, zero, zero.copy())
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class PDPlus(Baseline):
+    """PD+ (Paden and Panja 1988): PD control with gravity compensation that tracks moving targets.
+
+        tau = M(q) a_d + C(q, v) v_d + g(q) + friction(v) + D_d(v_d - v) + K_d(q_d - q)
+
+    As for `PDGravity`, the arm keeps its own inertia, and s and u are zero.
+
+    Args:
+        arm: The controller's model of the arm.
+        impedance: Target impedance; its damping and stiffness are the PD gains.
+        dt: Control period [s].
+        knowledge: "full"; or "mass", without C, g and friction.
+
+    Raises:
+        GainError: dt is not a positive number, or an unknown `knowledge`.
+        DimensionError: A gain is given for another number of joints.
+
+    References:
+        B. Paden, R. Panja, Globally asymptotically stable 'PD+' controller for robot manipulators,
+        International Journal of Control 47, 1988.
+    """
+
+    def _law(self, tick: Tracking) -> Answer:
+        zero = np.zeros_like(tick.v)
+        _, v_d, a_d = tick.desired
+        feedforward = self._passive_torque(tick.q, tick.v, v_d, a_d)
+        return Answer(feedforward + self._spring_damper(tick), zero, zero.copy())
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class FirstOrderSlidingMode(Baseline):
+    """First-order sliding mode towards q_r, with s = e2 + λ·e1 and ṡ = -u + w.
+
+        tau = RNEA(q, v, a_r + λ·e2 + u) - tau_ext,    u = k·switch(s)
+
+    switch(s) is sgn(s) ("sign"), s/width cut off at ±1 ("boundary-layer"), or sgn(s) outside
+    abs(s) ≤ width and 0 within ("dead-zone"). Where k exceeds the disturbance w, s reaches: with the
+    sign, zero, about which it chatters by about k·dt; in the boundary layer, width·w/k for a constant
+    w; with the dead zone, the band abs(s) ≤ width. The error is then at most sup abs(s)/λ.
+
+    Attributes:
+        arm: The controller's model of the arm.
+        impedance: Target impedance.
+        surface_rate: λ > 0, scalar or (nv,) [1/s].
+        gain: k > 0, scalar or (nv,) [rad/s² or m/s²].
+        dt: Control period [s].
+        smoothing: "sign", "boundary-layer" or "dead-zone".
+        width: Of boundary layer or dead zone, scalar or (nv,) [rad/s or m/s]; None with the sign. A
+            boundary layer thinner than gain·dt/2 chatters like the sign.
+        knowledge: "full"; or "mass", with M(q)·a in place of RNEA.
+
+    Raises:
+        GainError: A gain that is not positive, a width where there is none to give or none where it
+            is needed, or an unknown `smoothing` or `knowledge`.
+        DimensionError: A gain is given for another number of joints.
+    """
+
+    surface_rate: Array
+    gain: Array
+    smoothing: Smoothing
+    width: Array | None
+
+    def __init__(
+        self,
+        arm: ArmModel,
+        impedance: TargetImpedance,
+        surface_rate: ArrayLike,
+        gain: ArrayLike,
+        dt: float,
+        smoothing: Smoothing = "sign",
+        width: ArrayLike | None = None,
+        *,
+        knowledge: Knowledge = "full",
+    ) -> None:
+        super().__init__(arm, impedance, dt, knowledge=knowledge)
+        if smoothing not in get_args(Smoothing):
+            names = ", ".join(map(repr, get_args(Smoothing)))
+            raise GainError("smoothing", smoothing, f"one of {names}")
+        if (width is None) != (smoothing == "sign"):
+            raise GainError(
+                "width", width, "given with a boundary layer or a dead zone, only there"
+            )
+        set_fields(
+            self,
+            surface_rate=_joint_gain("surface_rate", surface_rate, arm.nv),
+            gain=_joint_gain("gain", gain, arm.nv),
+            smoothing=smoothing,
+            width=None if width is None else _joint_gain("width", width, arm.nv),
+        )
+
+    def _law(self, tick: Tracking) -> Answer:
+        rate = self.surface_rate
+        s = tick.e2 + rate * tick.e1
+        u = self.gain * self._switch(s)
+        tau = (
+            model_torque(self.arm, self.knowledge, tick.q, tick.v, tick.a_r + rate * tick.e2 + u)
+            - tick.tau_ext
+        )
+        return Answer(tau, s, u)
+
+    def _switch(self, s: Array) -> Array:
+        if self.width is None:
+            return np.sign(s)
+        if self.smoothing == "boundary-layer":
+            return np.clip(s / self.width, -1.0, 1.0)
+        return np.where(np.abs(s) > self.width, np.sign(s), 0.0)
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class SlotineLi(Baseline):
+    """Passivity-based sliding towards q_r (Slotine and Li 1987), without adaptation.
+
+        tau = M(q) a_s + C(q, v) v_s + g(q) + friction(v) + K_s·s - tau_ext,
+        v_s = v_r + Λ·e1,    a_s = a_r + Λ·e2,    s = v_s - v = e2 + Λ·e1
+
+    Nothing is cancelled: with an exact model M ṡ + C s + K_s s = 0, and ½ sᵀM s falls at the rate
+    sᵀK_s s. u is zero; K_s·s is a torque.
+
+    Attributes:
+        arm: The controller's model of the arm.
+        impedance: Target impedance.
+        surface_rate: Λ > 0, scalar or (nv,) [1/s].
+        gain: K_s > 0, scalar or (nv,) [N·m·s/rad or N·s/m].
+        dt: Control period [s].
+        knowledge: "full"; or "mass", without C, g and friction.
+
+    Raises:
+        GainError: A gain that is not positive, or an unknown `knowledge`.
+        DimensionError: A gain is given for another number of joints.
+
+    References:
+        J.-J. E. Slotine, W. Li, On the adaptive control of robot manipulators, International Journal
+        of Robotics Research 6, 1987.
+    """
+
+    surface_rate: Array
+    gain: Array
+
+    def __init__(
+        self,
+        arm: ArmModel,
+        impedance: TargetImpedance,
+        surface_rate: ArrayLike,
+        gain: ArrayLike,
+        dt: float,
+        *,
+        knowledge: Knowledge = "full",
+    ) -> None:
+        super().__init__(arm, impedance, dt, knowledge=knowledge)
+        set_fields(
+            self,
+            surface_rate=_joint_gain("surface_rate", surface_rate, arm.nv),
+            gain=_joint_gain("gain", gain, arm.nv),
+        )
+
+    def _law(self, tick: Tracking) -> Answer:
+        v_s = tick.v_r + self.surface_rate * tick.e1
+        a_s = tick.a_r + self.surface_rate * tick.e2
+        s = v_s - tick.v
+        tau = self._passive_torque(tick.q, tick.v, v_s, a_s) + self.gain * s - tick.tau_ext
+        return Answer(tau, s, np.zeros_like(s))
+
+
+def _joint_gain(name: str, value: ArrayLike, nv: int) -> Array:
+    return per_joint(name, positive(name, value), nv)

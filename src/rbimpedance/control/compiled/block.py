@@ -1,0 +1,151 @@
+"""Output and state of a compiled tick: one block of numbers, from which the named arrays are taken when asked for.
+
+To make all of them at every tick would take longer than the tick.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..._common.arrays import Array, BoolArray
+from ..telemetry import ControllerOutput, ControllerState
+
+# Columns of a block, one row a joint.
+TAU, V_R, A_R, E1, E2, S, U, Q_E, V_E, FLAGS = range(10)
+NEXT_Q_E, NEXT_V_E, NEXT_Z, NEXT_X, NEXT_A = range(10, 15)
+TICKS = 15  # so far, this one included
+Z, TAU_EXT = 16, 17
+Q_R, Q_R_SIN = 18, 19  # the second for continuous joints only
+COLUMNS = 20
+
+SATURATED, GUARANTEED, RATE_LIMITED, CLIPPED, PAIR = 1, 2, 4, 8, 16
+"""Bits of `FLAGS`; `PAIR`: the joint has two entries of q."""
+
+_STATE = {
+    "q_e": NEXT_Q_E,
+    "v_e": NEXT_V_E,
+    "z": NEXT_Z,
+    "x": NEXT_X,
+    "a": NEXT_A,
+    "tau": TAU,
+    "tau_ext": TAU_EXT,
+    "q_e_before": Q_E,
+    "v_e_before": V_E,
+    "z_before": Z,
+}
+"""Where a block keeps the arrays of a `ControllerState`, in its order."""
+
+
+class _Packed:
+    """Has the names of a named tuple and behaves like it.
+
+    Attributes:
+        block: The numbers of the block, row by row, as bytes: they cannot change.
+    """
+
+    __slots__ = ("block",)
+    block: bytes
+    _plain: Any
+
+    def __init__(self, block: Array) -> None:
+        self.block = block.tobytes()
+
+    @property
+    def rows(self) -> Array:
+        """The block, shape (nv, `COLUMNS`), read-only."""
+        return np.frombuffer(self.block).reshape(-1, COLUMNS)
+
+    def __iter__(self) -> Iterator[Any]:
+        return (getattr(self, name) for name in self._fields)
+
+    def __len__(self) -> int:
+        return len(self._fields)
+
+    def __getitem__(self, index: Any) -> Any:
+        return tuple(self)[index]
+
+    def __repr__(self) -> str:
+        return repr(self._plain(*self))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self._plain, tuple(self)
+
+    @property  # type: ignore[misc]
+    def __class__(self) -> Any:
+        """The named tuple: for `isinstance` this is one."""
+        return self._plain
+
+    @property
+    def _fields(self) -> tuple[str, ...]:
+        fields: tuple[str, ...] = self._plain._fields
+        return fields
+
+    def _asdict(self) -> dict[str, Any]:
+        return dict(zip(self._fields, self, strict=True))
+
+    def _replace(self, **changes: Any) -> Any:
+        return self._plain(*self)._replace(**changes)
+
+
+def _view(k: int) -> Any:
+    return property(lambda self: np.frombuffer(self.block)[k::COLUMNS])
+
+
+def _column(k: int) -> Any:
+    return property(lambda self: np.frombuffer(self.block)[k::COLUMNS].copy())
+
+
+def _flag(bit: int) -> Any:
+    return property(lambda self: (_flags(self) & bit) != 0)
+
+
+def _flags(packed: _Packed) -> NDArray[np.int64]:
+    return np.frombuffer(packed.block)[FLAGS::COLUMNS].astype(np.int64)
+
+
+class PackedState(_Packed):
+    """A `ControllerState` in a block; its arrays are read-only."""
+
+    __slots__ = ()
+    _plain = ControllerState
+
+    ticks = property(lambda self: int(self.rows[0, TICKS]))
+    q_e, v_e, z, x, a, tau, tau_ext, q_e_before, v_e_before, z_before = map(_view, _STATE.values())
+
+    @classmethod
+    def pack(cls, state: ControllerState) -> PackedState:
+        """Return a state with the same contents."""
+        block = np.zeros((len(state.q_e), COLUMNS))
+        block[:, TICKS] = state.ticks
+        block[:, list(_STATE.values())] = np.transpose(state[1:])
+        return cls(block)
+
+
+class PackedOutput(_Packed):
+    """A `ControllerOutput` in a block; its arrays are copies."""
+
+    __slots__ = ()
+    _plain = ControllerOutput
+
+    tau, v_r, a_r = _column(TAU), _column(V_R), _column(A_R)
+    e1, e2, s, u = _column(E1), _column(E2), _column(S), _column(U)
+    q_e, v_e = _column(Q_E), _column(V_E)
+    saturated, guaranteed = _flag(SATURATED), _flag(GUARANTEED)
+    rate_limited, clipped = _flag(RATE_LIMITED), _flag(CLIPPED)
+
+    @property
+    def held(self) -> BoolArray:
+        """False: only a `ReferenceGuard` holds a joint back."""
+        return np.zeros(len(self.rows), dtype=np.bool_)
+
+    @property
+    def q_r(self) -> Array:
+        """Impedance reference."""
+        pairs = self.rows[:, Q_R : Q_R_SIN + 1]
+        second = (_flags(self) & PAIR) != 0
+        q_r: Array = pairs[np.column_stack([np.ones_like(second), second])]
+        return q_r

@@ -1,0 +1,131 @@
+"""Limits of the torque: the closest one within them, and the integrals at rest; see `limits` and `super_twisting`."""
+
+from __future__ import annotations
+
+import math
+
+from ..._common.arrays import Array
+from ..._numba.compile import inline, routine
+from .block import (
+    CLIPPED,
+    FLAGS,
+    GUARANTEED,
+    NEXT_X,
+    NEXT_Z,
+    PAIR,
+    RATE_LIMITED,
+    SATURATED,
+    TAU,
+    TICKS,
+    U,
+    Z,
+)
+from .kernels import DT, EFFORT, IMPLICIT, K2, SCHEME, TORQUE_STEP, Law, Scratch
+
+
+@routine
+def within_limits(law: Law, scratch: Scratch, state: Array, block: Array) -> None:
+    """Replace the torque by the closest within the limits and stop the integrals there; see `Limits.allocate`.
+
+    Args:
+        law: The law.
+        scratch: With M(q).
+        state: Block of the tick before.
+        block: Block of this tick, with the torque that the law asks for.
+    """
+    n, gains, lacking = len(scratch.wanted), law.gains, scratch.lacking
+    _allocate(law, scratch, state, block)
+    for j in range(n):
+        missing = scratch.hold_gain[j] * lacking[j]
+        z, z_next = block[j, Z], block[j, NEXT_Z]
+        if (z_next - z) * missing > 0.0:
+            block[j, NEXT_Z] = z
+        if law.choices[0, SCHEME] == IMPLICIT:
+            block[j, NEXT_X] += gains[j, DT] * (
+                missing - gains[j, K2] * (z_next - block[j, NEXT_Z])
+            )
+        block[j, U] -= missing
+        put_flags(law, j, state, block, missing == 0.0)
+
+
+@inline
+def bounds(law: Law, j: int, state: Array) -> tuple[float, float]:
+    """Least and largest torque of joint j at this tick."""
+    effort, step = law.gains[j, EFFORT], law.gains[j, TORQUE_STEP]
+    if state[0, TICKS] == 0.0:
+        return -effort, effort
+    before = state[j, TAU]
+    return min(max(before - step, -effort), effort), min(max(before + step, -effort), effort)
+
+
+@inline
+def put_flags(law: Law, j: int, state: Array, block: Array, guaranteed: bool) -> None:
+    """Write which limits joint j is at, and whether its reaching law acts in full; the other flags stay."""
+    tau = block[j, TAU]
+    lower, upper = bounds(law, j, state)
+    flags = int(block[j, FLAGS]) & (PAIR | CLIPPED)
+    if abs(tau) >= law.gains[j, EFFORT]:
+        flags |= SATURATED
+    elif tau <= lower or tau >= upper:
+        flags |= RATE_LIMITED
+    if guaranteed:
+        flags |= GUARANTEED
+    block[j, FLAGS] = flags
+
+
+@inline
+def _allocate(law: Law, scratch: Scratch, state: Array, block: Array) -> None:
+    """Torque within the limits, and the acceleration that it lacks."""
+    wanted, lacking, held, M = scratch.wanted, scratch.lacking, scratch.held, scratch.mass
+    n, exceeds = len(wanted), True
+    for j in range(n):
+        wanted[j], lacking[j], held[j] = block[j, TAU], 0.0, 0.0
+    while exceeds:
+        for j in range(n):
+            lower, upper = bounds(law, j, state)
+            if block[j, TAU] < lower or block[j, TAU] > upper:
+                held[j] = 1.0
+                block[j, TAU] = min(max(block[j, TAU], lower), upper)
+        _solve_held(scratch, block)
+        exceeds = False
+        for i in range(n):
+            if held[i] == 0.0:
+                tau = wanted[i]
+                for j in range(n):
+                    tau -= M[i, j] * lacking[j]
+                block[i, TAU] = tau
+                lower, upper = bounds(law, i, state)
+                if tau < lower or tau > upper:
+                    exceeds = True
+
+
+@inline
+def _solve_held(scratch: Scratch, block: Array) -> None:
+    """Solve M_SS·lacking_S = (wanted - tau)_S over the held joints S by Cholesky; elsewhere lacking stays zero."""
+    wanted, lacking, held = scratch.wanted, scratch.lacking, scratch.held
+    M, L, n = scratch.mass, scratch.factor, len(scratch.wanted)
+    for i in range(n):
+        if held[i] == 0.0:
+            continue
+        total = wanted[i] - block[i, TAU]
+        for j in range(i + 1):
+            if held[j] == 0.0:
+                continue
+            entry = M[i, j]
+            for k in range(j):
+                if held[k] != 0.0:
+                    entry -= L[i, k] * L[j, k]
+            if j < i:
+                L[i, j] = entry / L[j, j]
+                total -= L[i, j] * lacking[j]
+            else:
+                L[i, i] = math.sqrt(entry)
+        lacking[i] = total / L[i, i]
+    for i in range(n - 1, -1, -1):
+        if held[i] == 0.0:
+            continue
+        total = lacking[i]
+        for k in range(i + 1, n):
+            if held[k] != 0.0:
+                total -= L[k, i] * lacking[k]
+        lacking[i] = total / L[i, i]

@@ -1,0 +1,216 @@
+"""State and reference on their way into a kernel, output and next state on their way out.
+
+To take named tuples apart in Python, and to make an array and two objects there, costs as much as the tick. The kernels
+do it themselves: they look into `PackedState` and `Reference`, and make `PackedOutput` and the next `PackedState` by
+Python's C API. What comes in is checked first; anything else is a `TypeError`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.datamodel import models
+from numba.extending import NativeValue, box, intrinsic, register_model, unbox
+
+from ..._numba.array_arguments import (
+    BYTE,
+    HEAD,
+    POINTER,
+    SIZE,
+    Borrowed,
+    BorrowedModel,
+    address_of,
+    field,
+    fill,
+    is_instance,
+    is_plain_array,
+    put_array,
+    symbol_of,
+)
+from ...trajectories import Reference
+from .block import COLUMNS, PackedOutput, PackedState
+
+_PACKED = ir.LiteralStructType([*HEAD, POINTER])
+_BYTES = ir.LiteralStructType([*HEAD, SIZE, SIZE, BYTE])
+_PARTS = len(Reference._fields)
+_MORE_HEAD = ir.ArrayType(BYTE, tuple.__basicsize__ - object.__basicsize__ - 8)
+_TUPLE = ir.LiteralStructType([*HEAD, SIZE, _MORE_HEAD, ir.ArrayType(POINTER, _PARTS)])
+_ROW = COLUMNS * 8
+_STATE, _OUTPUT, _REFERENCE = map(symbol_of, (PackedState, PackedOutput, Reference))
+_BLOCK = symbol_of(bytes)
+
+
+class StateIn(Borrowed):
+    """Type of a state: a `PackedState`, or a block of its caller's own, which the kernel may overwrite."""
+
+    def __init__(self) -> None:
+        super().__init__(types.float64, 2)
+        self.name = "state"
+
+
+register_model(StateIn)(BorrowedModel)
+
+
+@unbox(StateIn)  # type: ignore[untyped-decorator]
+def _unbox_state(kind: StateIn, obj: Any, c: Any) -> NativeValue:
+    builder = c.builder
+    native = c.context.make_array(kind)(c.context, builder)
+    fails = cgutils.alloca_once_value(builder, cgutils.true_bit)
+    with builder.if_else(is_instance(obj, _STATE, builder), likely=True) as (packed, other):
+        with packed:
+            block = field(builder, builder.bitcast(obj, _PACKED.as_pointer()), 2)
+            with builder.if_then(_is_bytes(block, builder), likely=True):
+                content = builder.bitcast(block, _BYTES.as_pointer())
+                rows = builder.udiv(field(builder, content, 2), SIZE(_ROW))
+                data = cgutils.gep_inbounds(builder, content, 0, 4)
+                put_array(kind, native, data, [rows, SIZE(COLUMNS)], builder)
+                builder.store(cgutils.false_bit, fails)
+        with other, builder.if_then(is_plain_array(kind, obj, builder)):
+            fill(kind, native, obj, builder)
+            builder.store(cgutils.false_bit, fails)
+    failed = builder.load(fails)
+    with builder.if_then(failed, likely=False):
+        c.pyapi.err_set_string("PyExc_TypeError", "not the state of a compiled tick")
+    return NativeValue(native._getvalue(), is_error=failed)
+
+
+def _is_bytes(obj: Any, builder: Any) -> Any:
+    """Emit the check of a slot, which may be empty."""
+    verdict = cgutils.alloca_once_value(builder, cgutils.false_bit)
+    with builder.if_then(cgutils.is_not_null(builder, obj), likely=True):
+        builder.store(is_instance(obj, _BLOCK, builder), verdict)
+    return builder.load(verdict)
+
+
+class ReferenceIn(types.UniTuple):  # type: ignore[misc]
+    """Type of a `Reference` of plain vectors.
+
+    Args:
+        vector: Type of a vector.
+    """
+
+    def __init__(self, vector: Borrowed) -> None:
+        super().__init__(vector, _PARTS)
+        self.name = f"reference({vector})"
+
+    @property
+    def key(self) -> str:
+        """What tells two of these types apart."""
+        return str(self.name)
+
+    def __unliteral__(self) -> ReferenceIn:
+        return self
+
+
+register_model(ReferenceIn)(models.UniTupleModel)
+
+
+@unbox(ReferenceIn)  # type: ignore[untyped-decorator]
+def _unbox_reference(kind: ReferenceIn, obj: Any, c: Any) -> NativeValue:
+    builder = c.builder
+    value = cgutils.alloca_once(builder, c.context.get_value_type(kind))
+    fails = cgutils.alloca_once_value(builder, cgutils.true_bit)
+    with builder.if_else(_is_reference(obj, builder), likely=True) as (given, other):
+        with given:
+            items = cgutils.gep_inbounds(builder, builder.bitcast(obj, _TUPLE.as_pointer()), 0, 4)
+            failed = cgutils.false_bit
+            for i in range(kind.count):
+                part = c.unbox(kind.dtype, field(builder, items, i))
+                builder.store(part.value, cgutils.gep_inbounds(builder, value, 0, i))
+                failed = builder.or_(failed, part.is_error)
+            builder.store(failed, fails)
+        with other:
+            c.pyapi.err_set_string("PyExc_TypeError", "not a Reference")
+    return NativeValue(builder.load(value), is_error=builder.load(fails))
+
+
+def _is_reference(obj: Any, builder: Any) -> Any:
+    verdict = cgutils.alloca_once_value(builder, cgutils.false_bit)
+    with builder.if_then(is_instance(obj, _REFERENCE, builder), likely=True):
+        size = field(builder, builder.bitcast(obj, _TUPLE.as_pointer()), 2)
+        builder.store(builder.icmp_signed("==", size, SIZE(_PARTS)), verdict)
+    return builder.load(verdict)
+
+
+class Answer(types.Type):  # type: ignore[misc]
+    """Type of what a kernel returns by `answer`: (output, next state); True; or None."""
+
+    def __init__(self) -> None:
+        super().__init__("answer")
+
+
+NOTHING, DONE, OBJECTS = 0, 1, 2
+"""What to return: None, True, or output and next state."""
+
+
+@register_model(Answer)
+class _AnswerModel(models.StructModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, kind: Answer) -> None:
+        members = [("which", types.int64), ("data", types.voidptr), ("rows", types.int64)]
+        super().__init__(manager, kind, members)
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def answer(typing: Any, which: Any, block: Borrowed) -> Any:
+    """Return what the caller gets: one of the constants above, and the block that the objects are made of."""
+    del typing, which
+
+    def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(block)(context, builder, arguments[1])
+        native = cgutils.create_struct_proxy(signature.return_type)(context, builder)
+        native.which = arguments[0]
+        native.data = builder.bitcast(array.data, POINTER)
+        native.rows = builder.extract_value(array.shape, 0)
+        return native._getvalue()
+
+    return Answer()(types.int64, block), emit
+
+
+@box(Answer)  # type: ignore[untyped-decorator]
+def _box(kind: Answer, value: Any, c: Any) -> Any:
+    builder, api = c.builder, c.pyapi
+    native = cgutils.create_struct_proxy(kind)(c.context, builder, value)
+    is_nothing = builder.icmp_signed("==", native.which, SIZE(NOTHING))
+    word = builder.select(is_nothing, api.borrow_none(), api.get_c_object("_Py_TrueStruct"))
+    result = cgutils.alloca_once_value(builder, word)
+    makes_objects = builder.icmp_signed("==", native.which, SIZE(OBJECTS))
+    with builder.if_else(makes_objects, likely=True) as (objects, other):
+        with objects:
+            size = builder.mul(native.rows, SIZE(_ROW))
+            block = api.bytes_from_string_and_size(native.data, size)
+            builder.store(_pair(block, c), result)
+        with other:
+            api.incref(word)
+    return builder.load(result)
+
+
+def _pair(block: Any, c: Any) -> Any:
+    """Emit the making of output and next state around a block, in a tuple; null where memory is out."""
+    builder, api = c.builder, c.pyapi
+    made = [block, _new(_OUTPUT, c), _new(_STATE, c), api.tuple_new(2)]
+    pair = cgutils.alloca_once_value(builder, made[-1])
+    is_complete = cgutils.true_bit
+    for thing in made:
+        is_complete = builder.and_(is_complete, cgutils.is_not_null(builder, thing))
+    with builder.if_else(is_complete, likely=True) as (complete, incomplete):
+        with complete:
+            api.incref(block)
+            for i, packed in enumerate(made[1:3]):
+                slots = builder.bitcast(packed, _PACKED.as_pointer())
+                builder.store(block, cgutils.gep_inbounds(builder, slots, 0, 2))
+                api.tuple_setitem(made[-1], i, packed)
+        with incomplete:
+            for thing in made:
+                api.decref(thing)
+            builder.store(api.get_null_object(), pair)
+    return builder.load(pair)
+
+
+def _new(symbol: str, c: Any) -> Any:
+    """Emit the making of an object whose slots are empty."""
+    signature = ir.FunctionType(POINTER, [POINTER, SIZE])
+    new = cgutils.get_or_insert_function(c.builder.module, signature, "PyType_GenericAlloc")
+    return c.builder.call(new, [address_of(symbol, c.builder), SIZE(0)])

@@ -1,0 +1,361 @@
+"""One control tick: impedance filter, errors, sliding surface, reaching law, torque (paper, eqs. 3, 4, 6 and 8)."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass
+from typing import Any, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._common.arrays import Array, per_joint, positive_number
+from .._common.frozen import set_fields
+from ..exceptions import GainError, InputError
+from ..law.bounded_surface import clipped
+from ..law.impedance import TargetFilter, TargetImpedance
+from ..law.limits import Allocation, Limits, as_limits
+from ..law.super_twisting import ReachingState, SuperTwisting
+from ..law.surfaces import Surface
+from ..robot.arm_model import ArmModel
+from ..robot.knowledge import Knowledge, check_knowledge, model_torque
+from ..trajectories import Reference
+from .compiled.selection import compiled_tick
+from .errors import check_measurements, track
+from .protocol import Backend, Step, Tick
+from .realtime import LeanController
+from .telemetry import ControllerOutput as ControllerOutput  # noqa: PLC0414 (part of this module's interface)
+from .telemetry import ControllerState as ControllerState  # noqa: PLC0414 (part of this module's interface)
+
+LONGEST_PERIOD = 100.0
+"""Longest measured period that a tick accepts, in control periods."""
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class ImpedanceController:
+    """Super-twisting terminal sliding-mode impedance controller for n joints.
+
+    The law (paper, eq. 8), with a = a_r + (feedforward + u)/hold_gain and hold_gain = 1 on the paper's surface:
+
+        tau = RNEA(q, v, a) - tau_ext                   [= -tau_ext + M(q)·a + bias(q, v)]
+
+    It makes the sliding variable obey ṡ = -u + w, with w what the model does not know, and so brings q to the
+    impedance reference q_r: the arm then moves as M_d, D_d, K_d demand under the measured tau_ext.
+
+    A controller is immutable. `step` is pure: the same arguments give the same, bit-equal answer, in any thread.
+
+    Attributes:
+        arm: The controller's model of the arm.
+        impedance: Target impedance.
+        surface: Sliding surface.
+        reaching: Reaching law.
+        dt: Control period [s].
+        knowledge: "full"; or "mass" for the controller of the paper's section 4, which knows M(q) only.
+        limits: `Limits`, or an array-like of torque limits; None for none. The arm's own `effort_limit` is not used
+            unless it is given here.
+        backend: "pinocchio" for Pinocchio's algorithms with the law compiled around them; "compiled" for algorithms
+            compiled as well, equal to rounding (docs/realtime.md). NumPy does what cannot be compiled; the logger
+            "rbimpedance" says so, once.
+
+    Raises:
+        GainError: dt is not a positive number, an unknown `knowledge` or `backend`, or a limit that is not positive.
+        DimensionError: A gain or a limit is given for another number of joints.
+        ModelError: The compiled dynamics of the arm are not Pinocchio's.
+    """
+
+    arm: ArmModel
+    impedance: TargetImpedance
+    surface: Surface
+    reaching: SuperTwisting
+    dt: float
+    knowledge: Knowledge
+    limits: Limits | None
+    backend: Backend
+    _filter: TargetFilter
+    _tick: Tick | None
+    _compiled: Step | None
+    _own: Any
+
+    def __init__(
+        self,
+        arm: ArmModel,
+        impedance: TargetImpedance,
+        surface: Surface,
+        reaching: SuperTwisting,
+        dt: float,
+        *,
+        knowledge: Knowledge = "full",
+        limits: Limits | ArrayLike | None = None,
+        backend: Backend = "pinocchio",
+    ) -> None:
+        dt = positive_number("dt", dt, "control period in seconds")
+        check_knowledge(knowledge)
+        _check_backend(backend)
+        limits = as_limits(limits)
+        for owner in (surface, getattr(surface, "surface", None), reaching, limits):
+            for name, value in vars(owner).items() if owner is not None else ():
+                if isinstance(value, np.ndarray):
+                    per_joint(f"{type(owner).__name__}.{name}", value, arm.nv)
+        set_fields(
+            self,
+            arm=arm,
+            impedance=impedance,
+            surface=surface,
+            reaching=reaching,
+            dt=dt,
+            knowledge=knowledge,
+            limits=limits,
+            backend=backend,
+            _filter=impedance.filter(arm.nv, dt),
+        )
+        self._compile()
+
+    def __getstate__(self) -> dict[str, Any]:
+        made_anew = "_tick", "_compiled", "_own"
+        return {name: value for name, value in vars(self).items() if name not in made_anew}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        set_fields(self, **state)
+        self._compile()
+
+    def warm_up(self) -> None:
+        """Take one tick and forget it, so that the first one of a run is no slower than the rest.
+
+        Everything is compiled, or loaded from the disk, when the controller is made.
+        """
+        if self._compiled is not None:
+            zero, q = np.zeros(self.arm.nv), self.arm.neutral
+            self.step(self.init(), q, zero, Reference(q, zero, zero), zero)
+
+    def init(self) -> ControllerState:
+        """Return the state before the first tick: filter at rest, integral zero."""
+        if self._tick is not None:
+            return self._tick.init()
+        zero = np.zeros(self.arm.nv)
+        zero.setflags(write=False)
+        return ControllerState(0, *[zero] * (len(ControllerState._fields) - 1))
+
+    def step(
+        self,
+        state: ControllerState,
+        q: ArrayLike,
+        v: ArrayLike,
+        reference: Reference,
+        tau_ext: ArrayLike,
+        period: float | None = None,
+    ) -> tuple[ControllerOutput, ControllerState]:
+        """Compute the torque of one tick.
+
+        Args:
+            state: From `init` or from the tick before.
+            q: Measured configuration, shape (nq,).
+            v: Measured velocity, shape (nv,) [rad/s or m/s].
+            reference: Desired motion at this tick.
+            tau_ext: Measured torque of the environment on the robot, shape (nv,) [N·m or N].
+            period: Measured time since the tick before, see `elapsed`; dt if it is not given [s].
+
+        Returns:
+            The output, and the state for the next tick.
+
+        Raises:
+            DimensionError: Wrong shape or kind.
+            NonFiniteError: An input holds NaN or infinity.
+            InputError: A period that is not positive, or longer than `LONGEST_PERIOD` control periods.
+        """
+        if period is not None:
+            state = self.elapsed(state, period)
+        if self._compiled is None:
+            return self._specified_step(state, q, v, reference, tau_ext)
+        answer: tuple[ControllerOutput, ControllerState] | None
+        try:
+            answer = self._compiled(self._own, state, q, v, reference, tau_ext)
+        except (TypeError, ValueError):  # not plain vectors
+            answer = None
+        if answer is None:
+            return self._checked_step(state, q, v, reference, tau_ext)
+        return answer
+
+    def lean(self, state: ControllerState | None = None) -> LeanController:
+        """Return the tick for a real-time loop: torque only, in memory that is made once.
+
+        Args:
+            state: State to begin with; `init()` by default.
+        """
+        return LeanController(self, self._tick, state)
+
+    def elapsed(self, state: ControllerState, period: float) -> ControllerState:
+        """Return the state at a tick that comes a measured time after the one before, instead of dt after it.
+
+        The filter takes its step anew over the measured time, exact for the tau_ext that was held; the integral grows
+        in proportion. The law's own period stays dt, since the torque of this tick is expected to be held for dt.
+
+        Args:
+            state: From the tick before.
+            period: Time since then, more than 0 and at most `LONGEST_PERIOD`·dt [s].
+
+        Raises:
+            InputError: Not such a number.
+        """
+        period = _checked_period(period, self.dt)
+        if state.ticks == 0 or period == self.dt:
+            return state
+        before = state.q_e_before, state.v_e_before, state.tau_ext
+        q_e, v_e = self._filter.advance(*before, period)
+        z = state.z_before + (state.z - state.z_before) * (period / self.dt)
+        return state._replace(q_e=q_e, v_e=v_e, z=z)
+
+    def with_impedance(self, impedance: TargetImpedance) -> ImpedanceController:
+        """Return the same controller with another target; a run goes on with the state that it has.
+
+        q_r and v_r do not jump at the change, only a_r does: with s and z as they were, the torque jumps by
+        M(q)·Δa_e, where Δa_e is the change of a_e = M_d⁻¹(tau_ext - D_d·v_e - K_d·q_e) at the present q_e
+        and v_e. Changed a little at every tick (`blend`), the target moves without a jump of the torque;
+        docs/interaction.md has the figures, and `check_variation` says which changes keep it stable. Costs a matrix
+        exponential.
+
+        Args:
+            impedance: The target from the next tick on.
+
+        Raises:
+            DimensionError: It is for another number of joints.
+        """
+        return ImpedanceController(
+            self.arm,
+            impedance,
+            self.surface,
+            self.reaching,
+            self.dt,
+            knowledge=self.knowledge,
+            limits=self.limits,
+            backend=self.backend,
+        )
+
+    def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
+        """Return e_im = M_d·(a_r - a) + D_d·e2 + K_d·e1 (paper, eq. 5), shape (nv,) [N·m or N].
+
+        It is the residual of the target impedance; for a nonlinear one see its filter's `error`.
+
+        Args:
+            output: Of the tick.
+            a: Acceleration under the tick's torque, measured or simulated, shape (nv,).
+        """
+        e1, e2, e3 = output.e1, output.e2, output.a_r - a
+        return self._filter.error(e1, e2, e3, output.q_e, output.v_e)
+
+    def _compile(self) -> None:
+        tick = compiled_tick(
+            self.arm,
+            self._filter,
+            self.surface,
+            self.reaching,
+            self.dt,
+            knowledge=self.knowledge,
+            limits=self.limits,
+            backend=self.backend,
+        )
+        step, own = (None, None) if tick is None else tick.step
+        set_fields(self, _tick=tick, _compiled=step, _own=own)
+
+    def _checked_step(
+        self,
+        state: ControllerState,
+        q: ArrayLike,
+        v: ArrayLike,
+        reference: Reference,
+        tau_ext: ArrayLike,
+    ) -> tuple[ControllerOutput, ControllerState]:
+        """The compiled tick for inputs that it has refused: an error, or another try with plain vectors."""
+        given = check_measurements(self.arm, q, v, reference, tau_ext)
+        answer = None
+        if self._tick is not None and self._compiled is not None:
+            with contextlib.suppress(TypeError):  # not aligned in memory
+                answer = self._compiled(self._own, self._tick.pack(state), *given)
+        return self._specified_step(state, *given) if answer is None else answer
+
+    def _specified_step(
+        self,
+        state: ControllerState,
+        q: ArrayLike,
+        v: ArrayLike,
+        reference: Reference,
+        tau_ext: ArrayLike,
+    ) -> tuple[ControllerOutput, ControllerState]:
+        """The tick in NumPy, which specifies what the compiled one computes."""
+        tick = track(
+            self.arm,
+            self._filter,
+            state.q_e,
+            state.v_e,
+            q=q,
+            v=v,
+            reference=reference,
+            tau_ext=tau_ext,
+        )
+        e1, e2, a_r = tick.e1, tick.e2, tick.a_r
+
+        s = self.surface.value(e1, e2)  # eq. (6)
+        reaching = self._reaching_state(state, s)
+        u, following = self.reaching.step(s, reaching, self.dt)
+        gain = self.surface.hold_gain(e1, self.dt)
+        a = a_r + (self.surface.feedforward(e1, e2) + u) / gain
+        tau = model_torque(self.arm, self.knowledge, tick.q, tick.v, a) - tick.tau_ext  # eq. (8)
+        allocation = self._allocate(state, tick.q, tau)
+        missing = gain * allocation.lacking
+        following = self.reaching.without_windup(reaching, following, missing, self.dt)
+
+        q_e, v_e = self._filter.advance(state.q_e, state.v_e, tick.tau_ext)
+        output = ControllerOutput(
+            allocation.tau,
+            *(tick.q_r, tick.v_r, a_r, e1, e2, s),
+            u=u - missing,
+            q_e=state.q_e.copy(),
+            v_e=state.v_e.copy(),
+            saturated=allocation.saturated,
+            guaranteed=missing == 0.0,
+            rate_limited=allocation.rate_limited,
+            clipped=clipped(self.surface, e1),
+            held=np.zeros(e1.shape, dtype=np.bool_),
+        )
+        return output, ControllerState(
+            state.ticks + 1,
+            q_e,
+            v_e,
+            *following,
+            tau=output.tau.copy(),
+            tau_ext=np.array(tick.tau_ext),
+            q_e_before=state.q_e,
+            v_e_before=state.v_e,
+            z_before=reaching.z,
+        )
+
+    def _reaching_state(self, state: ControllerState, s: Array) -> ReachingState:
+        if state.ticks == 0:
+            return self.reaching.start(s)
+        return ReachingState(state.z, state.x, state.a)
+
+    def _allocate(self, state: ControllerState, q: Array, tau: Array) -> Allocation:
+        if self.limits is None:
+            none = np.zeros(tau.shape, dtype=np.bool_)
+            return Allocation(tau, none, none.copy(), np.zeros_like(tau))
+        return self.limits.allocate(
+            tau,
+            lambda: self.arm.unchecked.mass_matrix(q),
+            before=state.tau if state.ticks else None,
+            dt=self.dt,
+        )
+
+
+def _checked_period(period: float, dt: float) -> float:
+    words = f"a time in (0, {LONGEST_PERIOD:g}·dt = {LONGEST_PERIOD * dt:g} s]; after a longer pause begin with `init`"
+    try:
+        period = float(period)
+    except (TypeError, ValueError):
+        raise InputError(f"period is {period!r}; it has to be {words}") from None
+    if not 0.0 < period <= LONGEST_PERIOD * dt:
+        raise InputError(f"period is {period:g} s; it has to be {words}")
+    return period
+
+
+def _check_backend(backend: str) -> None:
+    if backend not in get_args(Backend):
+        raise GainError("backend", backend, '"pinocchio" or "compiled"')

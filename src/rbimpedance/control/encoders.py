@@ -1,0 +1,183 @@
+"""Encoders in the loop: positions in whole counts, velocities from their differences."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Generic, Literal, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._common.arrays import Array, per_joint, positive, vector
+from .._common.frozen import set_fields
+from ..exceptions import GainError
+from ..interaction.sensors import LowPass
+from ..robot.arm_model import ArmModel
+from ..trajectories import Reference
+from .controller import ControllerOutput
+from .protocol import Controller, StateT
+
+VelocitySource: TypeAlias = Literal["differentiated", "measured"]
+"""Where the velocity comes from."""
+
+BITS_17 = 2.0 * np.pi / 2**17
+"""Resolution of an encoder of 17 bits on the joint [rad]."""
+
+
+class EncoderState(NamedTuple):
+    """Memory of encoders and controller.
+
+    Attributes:
+        q: Configuration in whole counts at the tick before, shape (nq,), or None before the first tick.
+        v: Velocity that was told then, shape (nv,) [rad/s or m/s], or None.
+        inner: State of the controller.
+    """
+
+    q: Array | None
+    v: Array | None
+    inner: Any
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class QuantizedEncoders(Generic[StateT]):
+    """A controller that sees positions in whole counts, and velocities as their differences.
+
+    It is a controller itself: `simulate` takes it like any other, and `ImperfectController` puts noise and delay before
+    or behind it. Counts are taken from `arm.neutral` on the manifold; on a continuous joint they go round without a
+    seam where a turn is a whole number of them. The torque of the environment passes unchanged. The logged errors are
+    those that the controller sees.
+
+    A difference over a period is half a period late, and one count more or less is resolution/dt in it; a low-pass
+    trades the second for more of the first: see `phase_loss`, `position_noise` and `velocity_noise`.
+
+    Attributes:
+        controller: What is put behind the encoders.
+        resolution: A count, shape (nv,) [rad or m].
+        velocity: "differentiated": (q_k (-) q_(k-1))/dt of the counted positions, zero at the first tick; or
+            "measured": the true one, as of a tachometer.
+        bandwidth: Corner frequency of a first-order low-pass on the velocity [Hz], or None.
+
+    Args:
+        controller: What is put behind the encoders.
+        resolution: Scalar or (nv,); 17 bits to a turn of the joint by default.
+        velocity: "differentiated" or "measured".
+        bandwidth: Positive, or None for no low-pass.
+
+    Raises:
+        GainError: A resolution or bandwidth that is not positive, or an unknown source of the velocity.
+        DimensionError: A resolution for another number of joints.
+    """
+
+    controller: Controller[StateT]
+    resolution: Array
+    velocity: VelocitySource
+    bandwidth: float | None
+    _low_pass: LowPass | None
+
+    def __init__(
+        self,
+        controller: Controller[StateT],
+        *,
+        resolution: ArrayLike = BITS_17,
+        velocity: VelocitySource = "differentiated",
+        bandwidth: float | None = None,
+    ) -> None:
+        if velocity not in ("differentiated", "measured"):
+            raise GainError("velocity", velocity, '"differentiated" or "measured"')
+        low_pass = None if bandwidth is None else LowPass(bandwidth, controller.dt)
+        count = positive("resolution", resolution)
+        set_fields(
+            self,
+            controller=controller,
+            resolution=per_joint("resolution", count, controller.arm.nv),
+            velocity=velocity,
+            bandwidth=bandwidth,
+            _low_pass=low_pass,
+        )
+
+    @property
+    def arm(self) -> ArmModel:
+        """The controller's own model of the arm."""
+        return self.controller.arm
+
+    @property
+    def dt(self) -> float:
+        """Control period [s]."""
+        return self.controller.dt
+
+    @property
+    def position_noise(self) -> Array:
+        """Standard deviation of what rounding does to q, resolution/√12, shape (nv,) [rad or m]; for `Uncertainty`."""
+        return np.asarray(self.resolution / np.sqrt(12.0))
+
+    @property
+    def velocity_noise(self) -> Array:
+        """Standard deviation of what rounding does to v behind the low-pass, shape (nv,) [rad/s or m/s].
+
+        Roundings of different ticks are taken as independent, as they are while the joint turns by some counts a tick.
+        """
+        if self.velocity == "measured":
+            return np.zeros(self.arm.nv)
+        lag = 0.0 if self._low_pass is None else self._low_pass.delay
+        pole = lag / (lag + self.dt)
+        share = (1.0 - pole) * np.sqrt(2.0 / (1.0 + pole))
+        return np.asarray(share * self.position_noise / self.dt)
+
+    def phase_loss(self, frequency: ArrayLike) -> Array:
+        """Return how far the velocity lags behind the true one at frequencies in Hz [rad], of their shape.
+
+        Args:
+            frequency: Frequencies, below half of the sampling rate [Hz].
+        """
+        f = np.asarray(frequency, dtype=np.float64)
+        difference = np.pi * f * self.dt if self.velocity == "differentiated" else np.zeros_like(f)
+        return difference if self._low_pass is None else difference + self._low_pass.phase_loss(f)
+
+    def init(self) -> EncoderState:
+        """Return the state before the first tick."""
+        return EncoderState(None, None, self.controller.init())
+
+    def step(
+        self,
+        state: EncoderState,
+        q: ArrayLike,
+        v: ArrayLike,
+        reference: Reference,
+        tau_ext: ArrayLike,
+    ) -> tuple[ControllerOutput, EncoderState]:
+        """Compute the torque of one tick from what the encoders tell.
+
+        Args:
+            state: From `init` or from the tick before.
+            q: True configuration, shape (nq,).
+            v: True velocity, shape (nv,).
+            reference: Desired motion at this tick.
+            tau_ext: Torque of the environment, shape (nv,).
+
+        Raises:
+            DimensionError: Wrong shape or kind.
+            NonFiniteError: An input holds NaN or infinity.
+        """
+        counted = self._counted(self.arm.check_configuration("q", q))
+        told = self._velocity(state, counted, vector("v", v, self.arm.nv))
+        output, inner = self.controller.step(state.inner, counted, told, reference, tau_ext)
+        return output, EncoderState(counted, told, inner)
+
+    def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
+        """Return e_im of the paper's eq. (5) with the errors that the controller sees; see `Controller`."""
+        return self.controller.impedance_error(output, a)
+
+    def _counted(self, q: Array) -> Array:
+        """The configuration that is a whole number of counts away from neutral."""
+        arm = self.arm
+        counts = np.rint(arm.unchecked.difference(arm.neutral, q) / self.resolution)
+        return arm.unchecked.integrate(arm.neutral, counts * self.resolution)
+
+    def _velocity(self, state: EncoderState, counted: Array, v: Array) -> Array:
+        if self.velocity == "measured":
+            raw = v.copy()
+        elif state.q is None:
+            raw = np.zeros_like(v)
+        else:
+            raw = self.arm.unchecked.difference(state.q, counted) / self.dt
+        return raw if self._low_pass is None else self._low_pass.smooth(state.v, raw)

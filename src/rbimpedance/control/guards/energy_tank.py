@@ -1,0 +1,305 @@
+"""An energy tank: it keeps the impedance port passive while gains change, or while tau_ext is wrong.
+
+The environment meets the arm at the port (tau_ext, v_e), v_e being how the impedance filter moves the reference. With
+constant gains and the true torque the filter is passive: V = ½ v_eᵀM_d v_e + ½ q_eᵀK_d q_e grows by no more than the
+work tau_extᵀv_e. A spring that is stiffened while it is stretched adds to V what nobody has paid for, and so does a
+torque that is told but not there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..._common.arrays import Array, gain, positive_number, vector
+from ..._common.frozen import set_fields
+from ...exceptions import GainError
+from ...interaction import Sensor
+from ...law.impedance import Impedance, ImpedanceMatrices, TargetFilter
+from ...robot.arm_model import ArmModel
+from ...trajectories import Reference
+from ..controller import ControllerOutput, ImpedanceController
+
+
+class TankState(NamedTuple):
+    """What an `EnergyTank` remembers.
+
+    Attributes:
+        inner: State of the controller.
+        observer: State of the observer; None without one.
+        energy: What is in the tank [J]; negative for a while only where the filter was moved from outside.
+        q_e: Position of the impedance filter when the tick was done, shape (nv,) [rad or m].
+        v_e: Its velocity, shape (nv,) [rad/s or m/s].
+        matrices: M_d, D_d and K_d that are in use, each of shape (nv, nv).
+        tau: Motor torque of the tick before, shape (nv,) [N·m or N].
+        port: Work of the environment at the port so far, as far as it was observed [J].
+        share: How much of the told tau_ext was replaced by the observed one in the tick before, from 0 to 1.
+    """
+
+    inner: Any
+    observer: Any
+    energy: float
+    q_e: Array
+    v_e: Array
+    matrices: ImpedanceMatrices
+    tau: Array
+    port: float
+    share: float
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class EnergyTank:
+    """A controller whose impedance gives out no more energy than it was given, plus what is in a tank.
+
+    The tank T starts with `start` and never holds more than `capacity`. In every period
+
+        T⁺ = T + (tau_obs - tau)ᵀΔq_e + η·D - ΔV,
+
+    with tau_obs the observed torque of the environment, tau the one that the filter is given, Δq_e its step, D ≥ 0
+    what its damper takes in (all exact for the discrete filter, and counted for late ticks,
+    too), η the share of it that refills the tank, and ΔV what
+    a change of the gains adds to V. Two valves keep T ≥ 0:
+
+    - a change of gains goes only so far as T pays for ΔV, along the straight line from the gains in use to the wanted
+      ones; the rest follows as the damper fills the tank;
+    - the filter is given (1 - α)·told + α·observed, with the least α in [0, 1] that T pays for. At α = 1 nothing is to
+      be paid: a sensor of the wrong sign, or with a bias, is replaced by the observer once it has emptied the tank.
+
+    So V + T never grows by more than tau_obsᵀΔq_e, and whatever happens to the gains and to tau_ext, the port gives out
+    at most V + T of the start. Without an observer the told torque is taken for true and only gains are guarded. An
+    observer that knows the motors' torque, such as `MomentumObserver`, does not know what the model lacks from contact:
+    the port is passive for both together.
+
+    To change the gains, go on with `with_impedance`, as with the controller itself.
+
+    Attributes:
+        controller: An `ImpedanceController` with a linear target.
+        observer: Observes tau_ext from motion and motor torque; None: tau_ext as told is the truth.
+        capacity: Most that the tank holds [J].
+        start: What it holds at first [J].
+        refill: η, from 0 to 1.
+
+    Raises:
+        GainError: A target that is not an `Impedance`, or a number outside its range.
+
+    References:
+        F. Ferraguti, C. Secchi, C. Fantuzzi, A tank-based approach to impedance control with variable stiffness,
+        ICRA 2013. B. Hannaford, J.-H. Ryu, Time-domain passivity control of haptic interfaces, IEEE Transactions on
+        Robotics and Automation 18, 2002.
+    """
+
+    controller: ImpedanceController
+    observer: Sensor[Any] | None
+    capacity: float
+    start: float
+    refill: float
+    _in_use: _InUse
+
+    def __init__(
+        self,
+        controller: ImpedanceController,
+        *,
+        observer: Sensor[Any] | None = None,
+        capacity: float = 1.0,
+        start: float | None = None,
+        refill: float = 0.9,
+    ) -> None:
+        if not isinstance(controller.impedance, Impedance):
+            raise GainError("controller.impedance", controller.impedance, "an Impedance")
+        capacity = positive_number("capacity", capacity, "energy in J")
+        start = capacity / 2.0 if start is None else _number("start", start, capacity)
+        refill = _number("refill", refill, 1.0)
+        set_fields(
+            self,
+            controller=controller,
+            observer=observer,
+            capacity=capacity,
+            start=start,
+            refill=refill,
+            _in_use=_InUse(controller),
+        )
+
+    @property
+    def arm(self) -> ArmModel:
+        """The controller's own model of the arm."""
+        return self.controller.arm
+
+    @property
+    def dt(self) -> float:
+        """Control period [s]."""
+        return self.controller.dt
+
+    def with_impedance(self, impedance: Impedance) -> EnergyTank:
+        """Return the same tank with another wanted target; a run goes on with the state that it has.
+
+        Args:
+            impedance: The target to go to.
+
+        Raises:
+            GainError: It is not an `Impedance`.
+            DimensionError: It is for another number of joints.
+        """
+        return EnergyTank(
+            self.controller.with_impedance(impedance),
+            observer=self.observer,
+            capacity=self.capacity,
+            start=self.start,
+            refill=self.refill,
+        )
+
+    def init(self) -> TankState:
+        """Return the state before the first tick."""
+        zero = np.zeros(self.arm.nv)
+        return TankState(
+            inner=self.controller.init(),
+            observer=None if self.observer is None else self.observer.init(),
+            energy=self.start,
+            q_e=zero,
+            v_e=zero,
+            matrices=self._in_use.wanted,
+            tau=zero,
+            port=0.0,
+            share=0.0,
+        )
+
+    def step(
+        self,
+        state: TankState,
+        q: ArrayLike,
+        v: ArrayLike,
+        reference: Reference,
+        tau_ext: ArrayLike,
+        period: float | None = None,
+    ) -> tuple[ControllerOutput, TankState]:
+        """Compute the torque of one tick; see `ImpedanceController.step`.
+
+        Args:
+            state: From `init` or from the tick before.
+            q: Measured configuration, shape (nq,).
+            v: Measured velocity, shape (nv,) [rad/s or m/s].
+            reference: Desired motion at this tick.
+            tau_ext: Measured torque of the environment on the robot, shape (nv,) [N·m or N].
+            period: Measured time since the tick before; dt if it is not given [s].
+
+        Raises:
+            DimensionError: Wrong shape or kind.
+            NonFiniteError: An input holds NaN or infinity.
+            InputError: A period that `ImpedanceController.elapsed` refuses.
+        """
+        q, v = self.arm.check_configuration("q", q), vector("v", v, self.arm.nv)
+        told = vector("tau_ext", tau_ext, self.arm.nv)
+        if period is not None:
+            state = self.elapsed(state, period)
+        observed, observer = told, None
+        if self.observer is not None:
+            observed, observer = self.observer.step(state.observer, q, v, state.tau, told)
+        state = self._with_paid_gains(state)
+        controller, target = self._in_use.with_gains(state.matrices)
+        share = _share(target, state, told, observed)
+        given = told + share * (observed - told)
+        output, inner = controller.step(state.inner, q, v, reference, given)
+        following = state._replace(inner=inner, observer=observer, tau=output.tau, share=share)
+        return output, self._balanced(state, following, given, observed)
+
+    def elapsed(self, state: TankState, period: float) -> TankState:
+        """Return the state at a tick that comes a measured time after the one before; the tank stays as it is.
+
+        Args:
+            state: From the tick before.
+            period: Time since then [s]; see `ImpedanceController.elapsed`.
+
+        Raises:
+            InputError: A period that is refused there.
+        """
+        controller, _ = self._in_use.with_gains(state.matrices)
+        return state._replace(inner=controller.elapsed(state.inner, period))
+
+    def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
+        """Return e_im towards the wanted target; see `ImpedanceController.impedance_error`.
+
+        Args:
+            output: Of the tick.
+            a: Acceleration under the tick's torque, measured or simulated, shape (nv,).
+        """
+        return self.controller.impedance_error(output, a)
+
+    def _with_paid_gains(self, state: TankState) -> TankState:
+        """Go from the gains in use to the wanted ones as far as the tank pays for it."""
+        wanted = self._in_use.wanted
+        if all(map(np.array_equal, state.matrices, wanted)):
+            return state
+        price = _stored(state._replace(matrices=wanted)) - _stored(state)
+        if price > state.energy:
+            way = max(state.energy, 0.0) / price
+            pairs = zip(state.matrices, wanted, strict=True)
+            wanted = ImpedanceMatrices(*(a + way * (b - a) for a, b in pairs))
+            price = _stored(state._replace(matrices=wanted)) - _stored(state)
+        return state._replace(matrices=wanted, energy=min(state.energy - price, self.capacity))
+
+    def _balanced(
+        self, before: TankState, state: TankState, given: Array, observed: Array
+    ) -> TankState:
+        """The state after a tick, with its energies counted."""
+        state = state._replace(q_e=np.array(state.inner.q_e), v_e=np.array(state.inner.v_e))
+        moved = state.q_e - before.q_e
+        lost = float(given @ moved) - (_stored(state) - _stored(before))
+        kept = self.refill * lost if lost > 0.0 else lost
+        energy = before.energy + float((observed - given) @ moved) + kept
+        port = before.port + float(observed @ moved)
+        return state._replace(energy=min(energy, self.capacity), port=port)
+
+
+class _InUse:
+    """The controller and its filter for the gains in use; the last ones are remembered."""
+
+    def __init__(self, controller: ImpedanceController) -> None:
+        impedance: Any = controller.impedance
+        self._controller = controller
+        self.wanted: ImpedanceMatrices = impedance.matrices(controller.arm.nv)
+        self._filter: TargetFilter = impedance.filter(controller.arm.nv, controller.dt)
+        self._last: tuple[ImpedanceMatrices, ImpedanceController, TargetFilter] | None = None
+
+    def with_gains(self, matrices: ImpedanceMatrices) -> tuple[ImpedanceController, TargetFilter]:
+        if all(map(np.array_equal, matrices, self.wanted)):
+            return self._controller, self._filter
+        if self._last is None or not all(map(np.array_equal, matrices, self._last[0])):
+            impedance = Impedance(*matrices)
+            controller = self._controller.with_impedance(impedance)
+            target = impedance.filter(controller.arm.nv, controller.dt)
+            self._last = matrices, controller, target
+        return self._last[1:]
+
+
+def _share(target: TargetFilter, state: TankState, told: Array, observed: Array) -> float:
+    """The least α with T + (1 - α)·(p + α·g) ≥ 0.
+
+    p = dᵀΔq_e is what the told torque does beside the observed one, d = observed - told, and g = dᵀ(∂Δq_e/∂tau)d.
+    """
+    inner, d = state.inner, observed - told
+    if not d.any():
+        return 0.0
+    at_told, _ = target.advance(inner.q_e, inner.v_e, told)
+    at_observed, _ = target.advance(inner.q_e, inner.v_e, observed)
+    p, g = float(d @ (at_told - state.q_e)), float(d @ (at_observed - at_told))
+    missing = state.energy + p
+    if missing >= 0.0:
+        return 0.0
+    b = g - p
+    root = float(np.sqrt(max(b**2 + 4.0 * g * missing, 0.0)))
+    return min(-2.0 * missing / (b + root), 1.0) if b + root > 0.0 else 1.0
+
+
+def _stored(state: TankState) -> float:
+    """V = ½ v_eᵀM_d v_e + ½ q_eᵀK_d q_e [J]."""
+    (M_d, _, K_d), q_e, v_e = state.matrices, state.q_e, state.v_e
+    return float(v_e @ M_d @ v_e + q_e @ K_d @ q_e) / 2.0
+
+
+def _number(name: str, value: float, largest: float) -> float:
+    number = gain(name, value, f"from 0 to {largest:g}", lambda x: (x >= 0.0) & (x <= largest))
+    if number.ndim:
+        raise GainError(name, value, "a single number")
+    return float(number)

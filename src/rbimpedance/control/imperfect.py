@@ -1,0 +1,168 @@
+"""`ImperfectController`: sensors with noise and delay before a controller, actuators with a wrong gain behind it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Generic, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._common.arrays import Array, gain, not_negative, per_joint, vector
+from .._common.frozen import set_fields
+from ..exceptions import GainError
+from ..robot.arm_model import ArmModel
+from ..trajectories import Reference
+from .controller import ControllerOutput
+from .protocol import Controller, StateT
+
+
+class Measurement(NamedTuple):
+    """What the sensors gave at one tick.
+
+    Attributes:
+        q: Configuration with noise, shape (nq,).
+        v: Velocity with noise, shape (nv,) [rad/s or m/s].
+        tau_ext: Torque of the environment, shape (nv,) [N·m or N].
+    """
+
+    q: Array
+    v: Array
+    tau_ext: Array
+
+
+class ImperfectState(NamedTuple):
+    """Memory of the loop.
+
+    Attributes:
+        ticks: Number of ticks so far; with the seed it fixes the noise.
+        pending: Measurements that have not reached the controller yet, the oldest first.
+        inner: State of the controller.
+    """
+
+    ticks: int
+    pending: tuple[Measurement, ...]
+    inner: Any
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class ImperfectController(Generic[StateT]):
+    """A controller that sees noisy, late measurements and whose torque arrives with a wrong gain.
+
+    It is a controller itself: `simulate` takes it like any other. The noise is a function of the seed and the tick,
+    so `step` stays pure and runs are reproducible. The logged errors are those that the controller sees; the true
+    ones are `arm.difference(q, q_r)`. Limits act on the torque that is asked for.
+
+    Attributes:
+        controller: What is put behind the sensors.
+        position_noise: Standard deviation of white noise on q, scalar or (nv,) [rad or m].
+        velocity_noise: The same on v [rad/s or m/s].
+        delay: Ticks from a measurement to the torque that it leads to; until the first one has arrived, the
+            measurement of t = 0 stands.
+        torque_constant: Torque that acts over torque that is asked for, scalar or (nv,).
+        seed: Of the noise.
+
+    Raises:
+        GainError: Negative noise, a delay or a seed that is not a whole number from 0 on, a torque constant that is
+            not positive.
+        DimensionError: One of them is given for another number of joints.
+    """
+
+    controller: Controller[StateT]
+    position_noise: Array
+    velocity_noise: Array
+    delay: int
+    torque_constant: Array
+    seed: int
+
+    def __init__(
+        self,
+        controller: Controller[StateT],
+        *,
+        position_noise: ArrayLike = 0.0,
+        velocity_noise: ArrayLike = 0.0,
+        delay: int = 0,
+        torque_constant: ArrayLike = 1.0,
+        seed: int = 0,
+    ) -> None:
+        nv = controller.arm.nv
+        constant = gain("torque_constant", torque_constant, "positive", lambda x: x > 0.0)
+        set_fields(
+            self,
+            controller=controller,
+            position_noise=not_negative("position_noise", position_noise, nv),
+            velocity_noise=not_negative("velocity_noise", velocity_noise, nv),
+            delay=whole_number("delay", delay),
+            torque_constant=per_joint("torque_constant", constant, nv),
+            seed=whole_number("seed", seed),
+        )
+
+    @property
+    def arm(self) -> ArmModel:
+        """The controller's own model of the arm."""
+        return self.controller.arm
+
+    @property
+    def dt(self) -> float:
+        """Control period [s]."""
+        return self.controller.dt
+
+    def init(self) -> ImperfectState:
+        """Return the state before the first tick."""
+        return ImperfectState(0, (), self.controller.init())
+
+    def step(
+        self,
+        state: ImperfectState,
+        q: ArrayLike,
+        v: ArrayLike,
+        reference: Reference,
+        tau_ext: ArrayLike,
+    ) -> tuple[ControllerOutput, ImperfectState]:
+        """Compute the torque of one tick from the measurement of `delay` ticks ago.
+
+        Args:
+            state: From `init` or from the tick before.
+            q: True configuration, shape (nq,).
+            v: True velocity, shape (nv,).
+            reference: Desired motion at this tick.
+            tau_ext: True torque of the environment, shape (nv,).
+
+        Raises:
+            DimensionError: Wrong shape or kind.
+            NonFiniteError: An input holds NaN or infinity.
+        """
+        seen = self._measure(state.ticks, q, v, tau_ext)
+        pending = (*(state.pending or self.delay * (seen,)), seen)
+        late = pending[0]
+        output, inner = self.controller.step(state.inner, late.q, late.v, reference, late.tau_ext)
+        output = output._replace(tau=self.torque_constant * output.tau)
+        kept = pending[1:] if self.delay else ()
+        return output, ImperfectState(state.ticks + 1, kept, inner)
+
+    def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
+        """Return e_im of the paper's eq. (5) with the errors that the controller sees; see `Controller`."""
+        return self.controller.impedance_error(output, a)
+
+    def _measure(self, tick: int, q: ArrayLike, v: ArrayLike, tau_ext: ArrayLike) -> Measurement:
+        arm = self.arm
+        q, v = arm.check_configuration("q", q), vector("v", v, arm.nv)
+        rng = np.random.default_rng((self.seed, tick))
+        on_q, on_v = rng.standard_normal((2, arm.nv))
+        return Measurement(
+            arm.unchecked.integrate(q, self.position_noise * on_q),
+            v + self.velocity_noise * on_v,
+            vector("tau_ext", tau_ext, arm.nv).copy(),
+        )
+
+
+def whole_number(name: str, value: Any, at_least: int = 0) -> int:
+    """Return a whole number that is large enough.
+
+    Raises:
+        GainError: It is anything else.
+    """
+    is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not is_whole or value < at_least:
+        raise GainError(name, value, f"a whole number, {at_least} or more")
+    return int(value)

@@ -1,0 +1,131 @@
+"""The clock of a control loop: it keeps the period, measures it, and says how well it was kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from time import perf_counter
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from loop_rate_limiters import RateLimiter
+
+from .._common.arrays import positive_number
+
+RESOLUTION = 1e-3
+"""Share of itself to which a percentile of the periods is known."""
+
+_SHORTEST, _LONGEST = 1e-6, 1e3  # s: what the histogram covers
+
+
+class Limiter(Protocol):
+    """What keeps the rate: `loop_rate_limiters.RateLimiter`, or the like."""
+
+    @property
+    def slack(self) -> float:
+        """Time that was left when the last tick was done; negative where it was late [s]."""
+
+    def sleep(self) -> None:
+        """Wait for the next tick."""
+
+
+class LoopReport(NamedTuple):
+    """How well a loop kept its period.
+
+    Attributes:
+        ticks: Number of measured periods.
+        overruns: How many ticks were done only after the next one was due.
+        missed: How many ticks did not take place because of them.
+        p50: Median of the measured periods [s]; this and p99 are good to `RESOLUTION`.
+        p99: Their 99th percentile [s].
+        longest: The longest [s].
+    """
+
+    ticks: int
+    overruns: int
+    missed: int
+    p50: float
+    p99: float
+    longest: float
+
+
+class Loop:
+    """Ticks at a period, and measures what the period really was.
+
+        loop = Loop(controller.dt)
+        for period in loop:
+            q, v, tau_ext = robot.read()
+            output, state = controller.step(state, q, v, reference(loop.time), tau_ext, period)
+            robot.send(output.tau)
+
+    The first period is dt: no tick was before. A late tick is not made up for by shorter ones: two control ticks in
+    quick succession do harm, and the controller takes the measured period into account. Long runs take no more memory
+    than short ones.
+
+    Args:
+        dt: Control period [s].
+        limiter: Keeps the rate; a `RateLimiter` by default.
+        clock: Gives the time [s]; the limiter's clock.
+
+    Raises:
+        GainError: dt is not a positive number.
+    """
+
+    def __init__(
+        self,
+        dt: float,
+        *,
+        limiter: Limiter | None = None,
+        clock: Callable[[], float] = perf_counter,
+    ) -> None:
+        self.dt = positive_number("dt", dt, "control period in seconds")
+        self._limiter = limiter
+        self._clock = clock
+        self._start: float | None = None
+        self._now = 0.0
+        self._overruns = self._missed = 0
+        self._longest = 0.0
+        bins = int(np.log(_LONGEST / _SHORTEST) / np.log1p(RESOLUTION)) + 2
+        self._counts = np.zeros(bins, dtype=np.int64)
+
+    def __iter__(self) -> Iterator[float]:
+        while True:
+            yield self.wait()
+
+    @property
+    def time(self) -> float:
+        """Time of this tick since the first [s]."""
+        return 0.0 if self._start is None else self._now - self._start
+
+    def wait(self) -> float:
+        """Wait for the next tick, and return the time since the one before [s]."""
+        limiter = self._limiter or RateLimiter(1.0 / self.dt, warn=False)
+        self._limiter = limiter  # made at the first tick: it counts from there
+        if self._start is None:
+            self._start = self._now = self._clock()
+            return self.dt
+        limiter.sleep()
+        before, self._now = self._now, self._clock()
+        self._count(self._now - before, limiter.slack)
+        return self._now - before
+
+    def report(self) -> LoopReport:
+        """Return how well the period was kept so far; percentiles of no periods are NaN."""
+        ticks = int(self._counts.sum())
+        p50, p99 = (self._percentile(ticks, share) for share in (0.5, 0.99))
+        return LoopReport(ticks, self._overruns, self._missed, p50, p99, self._longest)
+
+    def _count(self, period: float, slack: float) -> None:
+        if slack < 0.0:
+            self._overruns += 1
+            self._missed += int(-slack / self.dt)
+        self._longest = max(self._longest, period)
+        size = np.clip(period, _SHORTEST, _LONGEST) / _SHORTEST
+        self._counts[int(np.log(size) / np.log1p(RESOLUTION))] += 1
+
+    def _percentile(self, ticks: int, share: float) -> float:
+        """Middle of the bin in which the percentile is, at most the longest period."""
+        if ticks == 0:
+            return float("nan")
+        bin_ = int(np.searchsorted(np.cumsum(self._counts), share * ticks))
+        middle = _SHORTEST * (1.0 + RESOLUTION) ** (bin_ + 0.5)
+        return float(min(middle, self._longest))

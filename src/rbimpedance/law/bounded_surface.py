@@ -1,0 +1,122 @@
+"""A sliding surface for errors far beyond the stated range: it sees a bounded error, so the arm comes no faster."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._common.arrays import Array, BoolArray, positive
+from .._common.frozen import set_fields
+from ..exceptions import GainError
+from .surfaces import Surface
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class BoundedSurface:
+    """Another surface that sees at most a stated error: abs(e1) > E counts as E.
+
+    From far away the arm then approaches q_r at the constant speed that the surface has at E, instead of one that
+    grows with the error. s is continuous and obeys the same reaching law, so the certificate holds with the sliding
+    time of this surface. Its feed-forward is zero beyond E and therefore jumps at E, by slope·speed.
+    `ControllerOutput.clipped` says where the bound acts.
+
+    Attributes:
+        surface: The surface.
+        error: E > 0, scalar or (nv,) [rad or m].
+
+    Raises:
+        GainError: E is not positive, or the surface is bounded already.
+    """
+
+    surface: Surface
+    error: Array
+
+    def __init__(self, surface: Surface, error: ArrayLike) -> None:
+        if isinstance(surface, BoundedSurface):
+            raise GainError("surface", surface, "a surface that is not bounded already")
+        set_fields(self, surface=surface, error=positive("error", error))
+
+    def clipped(self, e1: Array) -> BoolArray:
+        """Where the bound acts, shape (nv,), bool.
+
+        Args:
+            e1: Position error, shape (nv,) [rad or m].
+        """
+        beyond: BoolArray = np.abs(e1) > self.error
+        return beyond
+
+    def value(self, e1: Array, e2: Array) -> Array:
+        """Sliding variable at the bounded error, shape (nv,).
+
+        Args:
+            e1: Position error, shape (nv,) [rad or m].
+            e2: Velocity error, shape (nv,) [rad/s or m/s].
+        """
+        return self.surface.value(self._seen(e1), e2)
+
+    def feedforward(self, e1: Array, e2: Array) -> Array:
+        """The surface's own within the bound; zero beyond, where s does not change with e1, shape (nv,) [rad/s²].
+
+        Args:
+            e1: Position error, shape (nv,).
+            e2: Velocity error, shape (nv,).
+        """
+        return np.where(self.clipped(e1), 0.0, self.surface.feedforward(self._seen(e1), e2))
+
+    def hold_gain(self, e1: Array, dt: float) -> Array:
+        """The surface's own within the bound; 1 beyond, where s does not change with e1, shape (nv,).
+
+        Args:
+            e1: Position error, shape (nv,).
+            dt: Control period [s].
+        """
+        return np.where(self.clipped(e1), 1.0, self.surface.hold_gain(self._seen(e1), dt))
+
+    def sliding_time(self, e1: ArrayLike) -> Array:
+        """Time on s = 0 until e1 has settled: at constant speed to the bound, then the surface's own [s].
+
+        Args:
+            e1: Position error when sliding begins [rad or m].
+        """
+        return self._approach(self.error, e1) + self.surface.sliding_time(self._seen(e1))
+
+    def time_to(self, tolerance: float, e1: ArrayLike) -> Array:
+        """Time on s = 0 until abs(e1) is at the tolerance [s].
+
+        Args:
+            tolerance: Error to fall to, positive [rad or m].
+            e1: Position error when sliding begins [rad or m].
+        """
+        end = np.maximum(self.error, tolerance)
+        return self._approach(end, e1) + self.surface.time_to(tolerance, self._seen(e1))
+
+    def speed(self, e1: ArrayLike) -> Array:
+        """abs(e2) on s = 0, at most the surface's at E [rad/s or m/s].
+
+        Args:
+            e1: Position error [rad or m].
+        """
+        return self.surface.speed(self._seen(e1))
+
+    def _seen(self, e1: ArrayLike) -> Array:
+        seen: Array = np.clip(e1, -self.error, self.error)
+        return seen
+
+    def _approach(self, end: Array, e1: ArrayLike) -> Array:
+        """Time at constant speed from e1 to abs(e1) = end."""
+        way: Array = np.maximum(np.abs(e1) - end, 0.0)
+        return way / self.surface.speed(self.error)
+
+
+def clipped(surface: Surface, e1: Array) -> BoolArray:
+    """Where a surface sees less than the whole error, shape (nv,), bool.
+
+    Args:
+        surface: The surface.
+        e1: Position error, shape (nv,) [rad or m].
+    """
+    if isinstance(surface, BoundedSurface):
+        return surface.clipped(e1)
+    return np.zeros(e1.shape, dtype=np.bool_)

@@ -1,0 +1,288 @@
+"""The target impedance: how the arm should give way to the environment.
+
+`Impedance` is the paper's, M_d q̈_e + D_d q̇_e + K_d q_e = tau_ext (eqs. 2 and 3), with an exact
+discrete filter. `TargetImpedance` is what a controller needs of it, or of any other target.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._common.arrays import Array
+from .._common.frozen import set_fields
+from ..exceptions import DimensionError, GainError
+
+_ROUNDING = 1e-20  # what the series of an exponential leaves out, relative to its state
+
+
+class TargetFilter(Protocol):
+    """A target impedance M_d a_e + r(q_e, v_e) = tau_ext at a fixed period; r is odd."""
+
+    def acceleration(self, q_e: Array, v_e: Array, tau_ext: Array) -> Array:
+        """Return a_e = M_d⁻¹(tau_ext - r(q_e, v_e)), shape (nv,) [rad/s² or m/s²]."""
+
+    def advance(
+        self, q_e: Array, v_e: Array, tau_ext: Array, period: float | None = None
+    ) -> tuple[Array, Array]:
+        """Return q_e and v_e one period later, with tau_ext held, each of shape (nv,); the filter's own by default."""
+
+    def restoring_torque(self, q_e: Array, v_e: Array) -> Array:
+        """Return r(q_e, v_e), the torque of spring and damper, shape (nv,) [N·m or N]."""
+
+    def error(self, e1: Array, e2: Array, e3: Array, q_e: Array, v_e: Array) -> Array:
+        """Return the residual of the target, shape (nv,) [N·m or N].
+
+        It is M_d(a_d - a) + r(q_d - q, v_d - v) + tau_ext (paper, eq. 2), written with the errors to
+        the impedance reference: M_d·e3 + r(q_e, v_e) - r(q_e - e1, v_e - e2). For a linear r that is
+        eq. (5).
+
+        Args:
+            e1: Position error q_r (-) q, shape (nv,) [rad or m].
+            e2: Velocity error v_r - v, shape (nv,) [rad/s or m/s].
+            e3: Acceleration error a_r - a, shape (nv,) [rad/s² or m/s²].
+            q_e: Filter position at that instant, shape (nv,) [rad or m].
+            v_e: Filter velocity, shape (nv,) [rad/s or m/s].
+        """
+
+
+class TargetImpedance(Protocol):
+    """What a controller needs of a target impedance."""
+
+    def filter(self, nv: int, dt: float) -> TargetFilter:
+        """Return its discrete filter for nv joints at the period dt [s].
+
+        Raises:
+            DimensionError: A parameter was given for another number of joints.
+        """
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Impedance:
+    """The mass, damper and spring that the arm should feel like: M_d, D_d, K_d of the paper's eq. (2).
+
+    Each is a scalar (the same on every joint), a vector (nv,) (its own on each joint) or a symmetric positive
+    definite matrix (nv, nv).
+
+    Attributes:
+        mass: M_d [kg·m² or kg].
+        damping: D_d [N·m·s/rad or N·s/m], or None where a damping ratio is given.
+        stiffness: K_d [N·m/rad or N/m].
+        damping_ratio: ζ of every vibration mode of (M_d, K_d), or None where the damping is given.
+
+    Raises:
+        GainError: Not finite, not symmetric, not positive definite, or not exactly one of `damping` and
+            `damping_ratio` given.
+        DimensionError: A shape other than (), (nv,) or (nv, nv).
+    """
+
+    mass: Array
+    damping: Array | None
+    stiffness: Array
+    damping_ratio: float | None
+
+    def __init__(
+        self,
+        mass: ArrayLike,
+        damping: ArrayLike | None = None,
+        stiffness: ArrayLike | None = None,
+        *,
+        damping_ratio: float | None = None,
+    ) -> None:
+        if stiffness is None:
+            raise GainError("stiffness", None, "given: a positive scalar, (nv,) or SPD (nv, nv)")
+        check_damping(damping, damping_ratio)
+        if damping_ratio is not None and not 0.0 < damping_ratio < np.inf:
+            raise GainError("damping_ratio", damping_ratio, "positive and finite")
+        set_fields(
+            self,
+            mass=_positive_definite("mass", mass),
+            damping=None if damping is None else _positive_definite("damping", damping),
+            stiffness=_positive_definite("stiffness", stiffness),
+            damping_ratio=None if damping_ratio is None else float(damping_ratio),
+        )
+
+    def matrices(self, nv: int) -> ImpedanceMatrices:
+        """Return M_d, D_d and K_d as matrices.
+
+        With a damping ratio, D_d = M_d Φ diag(2ζω_i) Φᵀ M_d from the generalised eigenproblem
+        K_d Φ = M_d Φ diag(ω_i²), Φᵀ M_d Φ = I: every mode of (M_d, K_d) has that ratio exactly.
+
+        Args:
+            nv: Number of joints.
+
+        Raises:
+            DimensionError: A vector or matrix was given for another number of joints.
+        """
+        M_d = _matrix("mass", self.mass, nv)
+        K_d = _matrix("stiffness", self.stiffness, nv)
+        if self.damping is not None:
+            return ImpedanceMatrices(M_d, _matrix("damping", self.damping, nv), K_d)
+        from scipy.linalg import eigh  # noqa: PLC0415 (SciPy is loaded when needed)
+
+        zeta = cast("float", self.damping_ratio)
+        omega_squared, modes = eigh(K_d, M_d)
+        M_modes = M_d @ modes
+        D_d = (M_modes * (2.0 * zeta * np.sqrt(omega_squared))) @ M_modes.T
+        return ImpedanceMatrices(M_d, D_d, K_d)
+
+    def filter(self, nv: int, dt: float) -> ImpedanceFilter:
+        """Return the discrete filter of eq. (3) for nv joints at the period dt [s].
+
+        Raises:
+            DimensionError: A vector or matrix was given for another number of joints.
+        """
+        return ImpedanceFilter(self.matrices(nv), dt)
+
+
+class ImpedanceMatrices(NamedTuple):
+    """M_d, D_d and K_d, each symmetric positive definite, shape (nv, nv)."""
+
+    M_d: Array
+    D_d: Array
+    K_d: Array
+
+
+class ImpedanceFilter:
+    """Exact zero-order-hold step of M_d a_e + D_d v_e + K_d q_e = tau_ext (paper, eq. 3).
+
+    One matrix exponential at construction; a step is two products, one of another length the exponential's series.
+    """
+
+    def __init__(self, matrices: ImpedanceMatrices, dt: float) -> None:
+        from scipy.linalg import expm  # noqa: PLC0415 (SciPy is loaded when needed)
+
+        M_d, D_d, K_d = matrices
+        nv = len(M_d)
+        M_inverse = np.linalg.inv(M_d)
+        system = np.zeros((3 * nv, 3 * nv))
+        system[:nv, nv : 2 * nv] = np.eye(nv)
+        system[nv : 2 * nv] = M_inverse @ np.hstack([-K_d, -D_d, np.eye(nv)])
+        transition = expm(system * dt)[: 2 * nv]
+        self._nv = nv
+        self._matrices = matrices
+        self._acceleration_map = np.ascontiguousarray(system[nv : 2 * nv])
+        self._transition = np.ascontiguousarray(transition)
+        self._system = system
+        self._speed = _speed(M_inverse @ D_d, M_inverse @ K_d)
+
+    def maps(self) -> Array:
+        """Return the maps from (q_e, v_e, tau_ext) to a_e and to the next q_e and v_e, stacked, (3·nv, 3·nv)."""
+        return np.vstack([self._acceleration_map, self._transition])
+
+    def acceleration(self, q_e: Array, v_e: Array, tau_ext: Array) -> Array:
+        """Return a_e of eq. (3), shape (nv,) [rad/s²].
+
+        Args:
+            q_e: Filter position, shape (nv,) [rad].
+            v_e: Filter velocity, shape (nv,) [rad/s].
+            tau_ext: External torque, shape (nv,) [N·m].
+        """
+        a_e: Array = self._acceleration_map @ np.concatenate([q_e, v_e, tau_ext])
+        return a_e
+
+    def advance(
+        self, q_e: Array, v_e: Array, tau_ext: Array, period: float | None = None
+    ) -> tuple[Array, Array]:
+        """Return q_e and v_e one period later, with tau_ext held, each of shape (nv,).
+
+        Args:
+            q_e: Filter position, shape (nv,) [rad].
+            v_e: Filter velocity, shape (nv,) [rad/s].
+            tau_ext: External torque over the period, shape (nv,) [N·m].
+            period: Another than the filter's own, as measured [s].
+        """
+        nv, state = self._nv, np.concatenate([q_e, v_e, tau_ext])
+        state = self._transition @ state if period is None else self._over(state, period)
+        return state[:nv].copy(), state[nv : 2 * nv].copy()
+
+    def _over(self, state: Array, period: float) -> Array:
+        """Return exp(A·period) applied to (q_e, v_e, tau_ext), to rounding.
+
+        By the series, in parts that are short against the target's own motion. A matrix exponential at every tick would
+        take longer, and its linear algebra waits for cores that other processes hold.
+        """
+        reach = self._speed * period
+        parts = math.ceil(reach)
+        reach, h = reach / parts, period / parts
+        for _ in range(parts):
+            term, k, bound = state, 0, 1.0
+            while bound > _ROUNDING:
+                k += 1
+                bound *= reach / k
+                term = (h / k) * (self._system @ term)
+                state = state + term
+        return state
+
+    def restoring_torque(self, q_e: Array, v_e: Array) -> Array:
+        """Return D_d·v_e + K_d·q_e, shape (nv,) [N·m]; see `TargetFilter.restoring_torque`."""
+        _, D_d, K_d = self._matrices
+        torque: Array = D_d @ v_e + K_d @ q_e
+        return torque
+
+    def error(self, e1: Array, e2: Array, e3: Array, q_e: Array, v_e: Array) -> Array:
+        """Return e_im = M_d·e3 + D_d·e2 + K_d·e1 (paper, eq. 5), shape (nv,) [N·m].
+
+        The residual of a linear target depends on the errors alone; see `TargetFilter.error`.
+        """
+        del q_e, v_e
+        M_d, D_d, K_d = self._matrices
+        e_im: Array = M_d @ e3 + D_d @ e2 + K_d @ e1
+        return e_im
+
+
+def _speed(damping: Array, stiffness: Array) -> float:
+    """Bound on the eigenvalues of a target [1/s], from M_d⁻¹·D_d and M_d⁻¹·K_d: norm of A with q_e scaled by ω."""
+    omega = math.sqrt(np.linalg.norm(stiffness, 1))
+    return float(omega + np.linalg.norm(damping, 1))
+
+
+def check_damping(damping: ArrayLike | None, damping_ratio: float | None) -> None:
+    """Check that the damping is given in exactly one of its two ways.
+
+    Raises:
+        GainError: In both or in none.
+    """
+    if (damping is None) == (damping_ratio is None):
+        raise GainError(
+            "damping", damping, "given either as damping=... or as damping_ratio=..., not both"
+        )
+
+
+def _positive_definite(name: str, value: ArrayLike) -> Array:
+    """Return a read-only copy of a positive scalar, vector, or symmetric positive definite matrix."""
+    words = "a positive number, a vector of positive numbers (nv,), or a symmetric positive definite matrix (nv, nv)"
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise GainError(name, value, words) from error
+    if array.ndim > 2 or (array.ndim == 2 and array.shape[0] != array.shape[1]):
+        raise DimensionError(name, words, f"shape {array.shape}")
+    if not np.isfinite(array).all():
+        raise GainError(name, value, words + ", all finite")
+    if array.ndim < 2:
+        if not (array > 0.0).all():
+            raise GainError(name, value, words)
+    else:
+        if np.abs(array - array.T).max() > 1e-10 * np.abs(array).max():
+            raise GainError(name, value, words + " (it is not symmetric)")
+        array = (array + array.T) / 2.0
+        if np.linalg.eigvalsh(array)[0] <= 0.0:
+            raise GainError(name, value, words + " (it is not positive definite)")
+    array.setflags(write=False)
+    return array
+
+
+def _matrix(name: str, value: Array, nv: int) -> Array:
+    """Spread a scalar or a vector over the diagonal."""
+    if value.ndim == 0:
+        return float(value) * np.eye(nv)
+    if value.shape[0] != nv:
+        raise DimensionError(
+            name, f"a scalar, (nv,) = ({nv},) or (nv, nv) = ({nv}, {nv})", f"shape {value.shape}"
+        )
+    return np.diag(value) if value.ndim == 1 else np.array(value)

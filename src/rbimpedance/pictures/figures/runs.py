@@ -1,0 +1,125 @@
+"""Figures of results, in one style; every function returns a matplotlib `Figure` and opens no window."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ..._common.arrays import Array
+from ...simulation.result import SimulationResult
+from .style import STYLE, NotebookFigure, draw_channels, panels
+
+
+def tracking_errors(result: SimulationResult) -> Figure:
+    """Errors e1 and e2 over time (the paper's figure 2)."""
+    with panels(rows=2) as (figure, axes):
+        draw_channels(axes[0], result, result.e1, "$e_1$ [rad]")
+        draw_channels(axes[1], result, result.e2, "$e_2$ [rad/s]")
+    return figure
+
+
+def impedance_error(result: SimulationResult) -> Figure:
+    """Impedance error e_im over time (the paper's figure 3)."""
+    with panels(rows=1) as (figure, axes):
+        draw_channels(axes[0], result, result.e_im, r"$e_{im}$ [N$\cdot$m]")
+    return figure
+
+
+def torques(result: SimulationResult) -> Figure:
+    """Motor torque over time (the paper's figure 4)."""
+    with panels(rows=1) as (figure, axes):
+        draw_channels(axes[0], result, result.tau, r"$\tau$ [N$\cdot$m]")
+    return figure
+
+
+def disturbance(result: SimulationResult, estimate: Array) -> Figure:
+    """Disturbance torque over time, as `observe` estimates it from a result.
+
+    Args:
+        result: The result that was observed.
+        estimate: What `observe` returned, shape (N, nv) [N·m or N].
+    """
+    with panels(rows=1) as (figure, axes):
+        draw_channels(axes[0], result, estimate, r"disturbance [N$\cdot$m]")
+    return figure
+
+
+def comparison(results: Mapping[str, SimulationResult]) -> Figure:
+    """Errors on a log scale and the torque's variation, for several controllers under the same conditions.
+
+    Args:
+        results: Results of equal length by name, in the order of the legend.
+
+    Returns:
+        Three panels: largest abs(e1) and abs(e_im) of any joint over time, and the total variation per second of the
+        first joint's torque over the second half of the run.
+    """
+    with mpl.rc_context(STYLE):
+        figure = NotebookFigure(figsize=(10.0, 6.2))
+        parts = figure.subplot_mosaic([["e1", "tau"], ["e_im", "tau"]], width_ratios=(1.6, 1.0))
+        upper, lower, bars = parts["e1"], parts["e_im"], parts["tau"]
+        upper.sharex(lower)
+        upper.tick_params(labelbottom=False)
+        for name, result in results.items():
+            upper.semilogy(result.t, np.abs(result.e1).max(axis=1), label=name)
+            lower.semilogy(result.t, np.abs(result.e_im).max(axis=1))
+        upper.set_ylabel(r"largest $|e_1|$ [rad]")
+        lower.set_ylabel(r"largest $|e_{im}|$ [N$\cdot$m]")
+        lower.set_xlabel("time [s]")
+        lower.margins(x=0.0)
+        _variation_bars(bars, results)
+    return figure
+
+
+def error_sizes(runs: Mapping[str, tuple[Array, Array]]) -> Figure:
+    """Largest abs(e1) of any joint over time, on a log scale.
+
+    Args:
+        runs: Times (N,) and errors (N, nv) by name, in the order of the legend.
+    """
+    with panels(rows=1, height=3.2) as (figure, axes):
+        for name, (t, e1) in runs.items():
+            axes[0].semilogy(t, np.abs(e1).max(axis=1), label=name)
+        axes[0].set_ylabel(r"largest $|e_1|$ [rad]")
+        axes[0].margins(x=0.0)
+        axes[0].legend(loc="upper right", fontsize=7.5)
+    return figure
+
+
+def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
+    """Write a figure; the ending of the name chooses the format (.png, .pdf, .svg).
+
+    Args:
+        figure: The figure.
+        path: Where to.
+
+    Returns:
+        The path that was written.
+    """
+    figure.savefig(path)
+    return Path(path)
+
+
+def _variation_bars(axes: Axes, results: Mapping[str, SimulationResult]) -> None:
+    """One horizontal bar per result, in the colour and line style of its curve."""
+    styles = mpl.rcParams["axes.prop_cycle"]
+    for i, (result, style) in enumerate(zip(results.values(), styles, strict=False)):
+        variation = result.metrics(after=result.t[-1] / 2.0)["tau_variation"][0]
+        line = {"color": style["color"], "linestyle": style["linestyle"]}
+        axes.plot(
+            [1e-2, variation], [i, i], linewidth=4.0 if style["linestyle"] == "-" else 2.0, **line
+        )
+        axes.annotate(f" {variation:.3g}", (variation, i), va="center", fontsize=7.5)
+    axes.set_xscale("log")
+    axes.set_xlim(left=1e-1)
+    axes.margins(x=0.25)
+    axes.set_yticks(range(len(results)), list(results), fontsize=8.0)
+    axes.invert_yaxis()
+    axes.grid(visible=False, axis="y")
+    axes.set_xlabel(r"variation of $\tau_1$, second half [N$\cdot$m/s]")

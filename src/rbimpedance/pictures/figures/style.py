@@ -1,0 +1,64 @@
+"""One style for all figures."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from cycler import cycler
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ..._common.arrays import Array
+from ...simulation.result import SimulationResult
+
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+"""Okabe and Ito's palette: told apart with every kind of colour vision."""
+
+STYLE: Any = {
+    "axes.grid": True,
+    "axes.prop_cycle": cycler(linestyle=["-", "--", ":"]) * cycler(color=list(COLORS)),
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "figure.constrained_layout.use": True,
+    "figure.dpi": 150,
+    "font.size": 9.0,
+    "grid.alpha": 0.3,
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+}
+"""What matplotlib calls rcParams."""
+
+
+class NotebookFigure(Figure):
+    """A figure that notebooks show, although no window and no pyplot knows of it."""
+
+    def _repr_png_(self) -> bytes:
+        content = io.BytesIO()
+        self.savefig(content, format="png")
+        return content.getvalue()
+
+
+@contextmanager
+def panels(
+    rows: int, width: float = 5.0, height: float = 2.2, *, xlabel: str = "time [s]"
+) -> Iterator[tuple[Figure, list[Axes]]]:
+    """A figure of panels above each other that share the horizontal axis."""
+    with mpl.rc_context(STYLE):
+        figure = NotebookFigure(figsize=(width, height * rows))
+        axes = np.atleast_1d(figure.subplots(rows, 1, sharex=True)).tolist()
+        yield figure, axes
+        axes[-1].set_xlabel(xlabel)
+
+
+def draw_channels(axes: Axes, result: SimulationResult, values: Array, label: str) -> None:
+    """One line per joint, with a legend beside the axes."""
+    for name, line in zip(result.joint_names, values.T, strict=True):
+        axes.plot(result.t, line, label=name)
+    axes.set_ylabel(label)
+    axes.margins(x=0.0)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7.5)

@@ -1,0 +1,247 @@
+"""Mesh files as small coloured triangle meshes: read by trimesh, thinned out, with the edges kept sharp.
+
+Positions are whole multiples of a 32767th of the mesh's size, which is below what a screen shows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import umsgpack
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from ..._common.arrays import Array
+from ...robot.loading.urdf_appearance import RGBA
+from ._meshcat import geometry as mg
+
+SHARP = np.deg2rad(35.0)
+"""Faces that meet at more than this angle keep an edge between them [rad]."""
+
+FEWEST_FACES = 120
+"""A mesh, or a part of one colour, is never thinned out below this."""
+
+GREY: RGBA = (0.72, 0.74, 0.77, 1.0)
+"""Colour of what has none."""
+
+Faces: TypeAlias = NDArray[np.int64]
+
+_INT16, _UINT16, _UINT8, _UINT32 = (
+    0x13,
+    0x14,
+    0x12,
+    0x16,
+)  # msgpack extension types of the page's decoder
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Triangles of one colour.
+
+    Attributes:
+        vertices: Shape (n, 3) [m].
+        faces: Indices of three vertices each, shape (m, 3).
+        color: Colour in the file; None where it has none.
+    """
+
+    vertices: Array
+    faces: Faces
+    color: RGBA | None
+
+
+def read_mesh(path: Path | None, scale: ArrayLike) -> list[Part]:
+    """Read a mesh file.
+
+    Args:
+        path: File in any format that trimesh reads: stl, dae, obj, ply, glb, ...
+        scale: Factor of each axis, shape (3,).
+
+    Raises:
+        ValueError: There is no file, it holds no triangles, or it is not what its ending says.
+    """
+    if path is None:
+        raise ValueError("it is not there")
+    import trimesh  # noqa: PLC0415  (takes a second)
+
+    try:
+        scene = trimesh.load_scene(path)
+        pieces = scene.dump()
+        if path.suffix.lower() == ".dae" and scene.units:  # as other readers of URDF do
+            scale = np.multiply(scale, trimesh.units.unit_conversion(scene.units, "meters"))
+    except Exception as error:  # every format has failures of its own
+        raise ValueError(f"{type(error).__name__}: {error}") from error
+    parts = [
+        _merged(np.multiply(piece.vertices, scale), np.asarray(piece.faces), _color(piece))
+        for piece in pieces
+        if isinstance(piece, trimesh.Trimesh) and len(piece.faces)
+    ]
+    parts = [part for part in parts if len(part.faces) and np.isfinite(part.vertices).all()]
+    if not parts:
+        raise ValueError("it holds no triangles")
+    return parts
+
+
+def thinned(parts: list[Part], share: float) -> list[Part]:
+    """Return parts with about a share of the faces, those that matter most to the shape.
+
+    Args:
+        parts: What `read_mesh` returned.
+        share: From 0 to 1.
+    """
+    return [_thinned(part, share) for part in parts]
+
+
+def has_colors(parts: list[Part]) -> bool:
+    """Tell whether the file of a mesh says anything about colours."""
+    return any(part.color is not None for part in parts)
+
+
+def capsule(radius: float, length: float) -> CompactMesh:
+    """Return a grey capsule about the z axis.
+
+    Args:
+        radius: Its radius [m].
+        length: Between the centres of its round ends [m].
+    """
+    import trimesh  # noqa: PLC0415  (takes a second)
+
+    made = trimesh.creation.capsule(length, radius, count=(24, 24))
+    centred = made.vertices - made.bounds.mean(axis=0)
+    return CompactMesh([_merged(centred, np.asarray(made.faces), None)])
+
+
+def _thinned(part: Part, share: float) -> Part:
+    target = max(FEWEST_FACES, round(share * len(part.faces)))
+    if target >= len(part.faces):
+        return part
+    import fast_simplification  # noqa: PLC0415  (on demand)
+
+    vertices, faces = fast_simplification.simplify(
+        part.vertices.astype(np.float32), part.faces.astype(np.int32), target_count=target, agg=4
+    )
+    return _merged(np.asarray(vertices, np.float64), np.asarray(faces, np.int64), part.color)
+
+
+def _merged(vertices: Array, faces: Faces, color: RGBA | None) -> Part:
+    """Weld vertices at the same place, and drop triangles without area."""
+    size = float(np.ptp(vertices, axis=0).max()) or 1.0
+    _, first, index = np.unique(
+        np.round(vertices / size, 6), axis=0, return_index=True, return_inverse=True
+    )
+    welded = index.reshape(-1)[faces]
+    a, b, c = welded.T
+    return Part(vertices[first], welded[(a != b) & (b != c) & (c != a)], color)
+
+
+def _color(piece: Any) -> RGBA | None:
+    """The colour of a piece's material; None where the file says nothing."""
+    if piece.visual.kind == "texture":
+        rgba = np.asarray(piece.visual.material.main_color, np.float64) / 255.0
+        return (float(rgba[0]), float(rgba[1]), float(rgba[2]), float(rgba[3]))
+    return None
+
+
+def _split_at_sharp_edges(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
+    """Repeat vertices where faces meet at a sharp angle, so that shading does not smear the edge."""
+    corners = np.arange(faces.size).reshape(faces.shape)
+    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    sides = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    swap = ends[:, 0] > ends[:, 1]
+    ends[swap], sides[swap] = ends[swap][:, ::-1], sides[swap][:, ::-1]
+    order = np.lexsort((ends[:, 1], ends[:, 0]))
+    ends, sides = ends[order], sides[order]
+    shared = np.flatnonzero((ends[1:] == ends[:-1]).all(axis=1))
+    normals = _normals(vertices, faces)
+    left, right = sides[shared], sides[shared + 1]
+    smooth = (normals[left[:, 0] // 3] * normals[right[:, 0] // 3]).sum(axis=1) > np.cos(SHARP)
+    i, j = left[smooth].ravel(), right[smooth].ravel()
+    graph = coo_array((np.ones(len(i)), (i, j)), shape=(faces.size, faces.size))
+    count, label = connected_components(graph, directed=False)
+    place = np.empty(count, np.int64)
+    place[label] = faces.ravel()
+    return vertices[place], label.astype(np.int64).reshape(faces.shape)
+
+
+def _normals(vertices: Array, faces: Faces) -> Array:
+    """Unit normals of the faces, shape (m, 3)."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    unit: Array = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    return unit
+
+
+class CompactMesh(mg.Geometry):  # type: ignore[misc]
+    """Triangles in 6 bytes a vertex, as a meshcat geometry.
+
+    Args:
+        parts: Triangles by colour.
+        color: Colour of the parts that have none.
+    """
+
+    def __init__(self, parts: list[Part], color: RGBA = GREY) -> None:
+        super().__init__()
+        vertices, faces, colors, start = [], [], [], 0
+        for part in parts:
+            places, corners = _split_at_sharp_edges(part.vertices, part.faces)
+            vertices.append(places)
+            faces.append(corners + start)
+            colors.append(np.tile(part.color or color, (len(places), 1)))
+            start += len(places)
+        self.colors = np.concatenate(colors)
+        self._place(np.concatenate(vertices))
+        self.faces = np.concatenate(faces)
+
+    def _place(self, vertices: Array) -> None:
+        self.lower_corner, self.upper_corner = vertices.min(axis=0), vertices.max(axis=0)
+        self._center = (self.lower_corner + self.upper_corner) / 2.0
+        half = float((self.upper_corner - self.lower_corner).max()) / 2.0 or 1.0
+        self._quantum = half / 32767.0
+        self.points = np.round((vertices - self._center) / self._quantum).astype(np.int16)
+
+    def intrinsic_transform(self) -> Array:
+        """The matrix that turns the whole numbers into metres, transposed as meshcat sends it."""
+        matrix = np.diag([self._quantum] * 3 + [1.0])
+        matrix[3, :3] = self._center
+        return matrix
+
+    def material(self) -> mg.Material:
+        """What it is painted with."""
+        shown = mg.MeshPhongMaterial(shininess=25, specular=0x222222)
+        opacity = float(self.colors[:, 3].min())
+        if opacity < 1.0:
+            shown.transparent, shown.opacity = True, opacity
+        if len(np.unique(self.colors, axis=0)) > 1:
+            shown.vertexColors = True
+        else:
+            red, green, blue = (round(255.0 * x) for x in self.colors[0, :3])
+            shown.color = red * 65536 + green * 256 + blue
+        return shown
+
+    def lower(self, object_data: Any) -> dict[str, Any]:
+        """The geometry as the page's loader takes it."""
+        del object_data
+        attributes = {"position": _packed(self.points, "Int16Array", _INT16)}
+        if len(np.unique(self.colors, axis=0)) > 1:
+            bytes_ = np.round(255.0 * self.colors[:, :3]).astype(np.uint8)
+            attributes["color"] = _packed(bytes_, "Uint8Array", _UINT8, normalized=True)
+        if len(self.points) < 2**16:
+            index = _packed(self.faces.astype(np.uint16), "Uint16Array", _UINT16)
+        else:
+            index = _packed(self.faces.astype(np.uint32), "Uint32Array", _UINT32)
+        data = {"attributes": attributes, "index": index}
+        return {"uuid": self.uuid, "type": "BufferGeometry", "data": data}
+
+
+def _packed(
+    array: NDArray[Any], kind: str, code: int, *, normalized: bool = False
+) -> dict[str, Any]:
+    return {
+        "itemSize": array.shape[1],
+        "type": kind,
+        "array": umsgpack.Ext(code, array.tobytes()),
+        "normalized": normalized,
+    }

@@ -1,0 +1,143 @@
+"""A page and its news, served on this machine's loopback address only."""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from queue import Empty, Full, Queue
+from typing import Any
+
+from ...exceptions import GainError
+
+_HEARTBEAT = 5.0  # s, after which a browser that has left is noticed
+_NAMES = {"127.0.0.1", "localhost"}
+
+
+class Server:
+    """Serves one page, and tells every browser that shows it what is new; never waits for a browser.
+
+    Args:
+        page: Returns the page, given the number of the latest news that it knows of; the page asks for
+            `events?NUMBER`, and is told at once if there has been any since.
+        port: Port on 127.0.0.1; 0 for any that is free.
+
+    Raises:
+        GainError: The port is not free, or is none.
+    """
+
+    def __init__(self, page: Callable[[int], str], port: int = 0) -> None:
+        self._page = page
+        self._count, self._latest = 1, ""
+        self._listeners: set[Queue[str | None]] = set()
+        self._lock = threading.Lock()
+        try:
+            self._http = _Http(("127.0.0.1", port), self._handler())
+        except (OSError, OverflowError) as error:
+            raise GainError(
+                "port", port, f"free on this machine, or 0 for any ({error})"
+            ) from error
+        threading.Thread(target=self._http.serve_forever, args=(0.05,), daemon=True).start()
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        return f"http://127.0.0.1:{self._http.server_address[1]}/"
+
+    def tell(self, news: Mapping[str, Any]) -> None:
+        """Send news to every browser that shows the page; one that lags behind gets the latest only."""
+        message = json.dumps(news)
+        with self._lock:
+            self._count, self._latest = self._count + 1, message
+            for queue in self._listeners:
+                _put_latest(queue, message)
+
+    def close(self) -> None:
+        """Stop, and free the port."""
+        with self._lock:
+            for queue in self._listeners:
+                _put_latest(queue, None)
+        self._http.shutdown()
+        self._http.server_close()
+
+    def _handler(self) -> type[BaseHTTPRequestHandler]:
+        server = self
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_GET(self) -> None:
+                host = self.headers.get("Host", "").rpartition(":")[0]
+                if (
+                    host not in _NAMES
+                ):  # a page of another site, under a name that it made mean this machine
+                    self.send_error(403)
+                elif self.path == "/":
+                    self._answer("text/html; charset=utf-8", server._page(server._count).encode())
+                elif self.path.startswith("/events?"):
+                    self._tell_news(self.path.removeprefix("/events?"))
+                else:
+                    self.send_error(404)
+
+            def log_message(self, *args: object) -> None:
+                del args
+
+            def _answer(self, kind: str, content: bytes) -> None:
+                self.send_response(200)
+                self.send_header("Content-Type", kind)
+                self.send_header("Content-Length", str(len(content)))
+                self.send_header("Cache-Control", "no-store")
+                self.end_headers()
+                self.wfile.write(content)
+
+            def _tell_news(self, known: str) -> None:
+                queue: Queue[str | None] = Queue(maxsize=1)
+                with server._lock:  # before the answer: whoever has it misses nothing
+                    server._listeners.add(queue)
+                    if known != str(server._count) and server._latest:
+                        queue.put_nowait(server._latest)
+                try:
+                    self.send_response(200)
+                    self.send_header("Content-Type", "text/event-stream")
+                    self.send_header("Cache-Control", "no-store")
+                    self.end_headers()
+                    while (message := _next(queue)) is not None:
+                        self.wfile.write(message.encode())
+                        self.wfile.flush()
+                finally:
+                    with server._lock:
+                        server._listeners.discard(queue)
+
+        return Handler
+
+
+class _Http(ThreadingHTTPServer):
+    daemon_threads = True
+    block_on_close = False
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A browser that leaves is no error; everything else is one."""
+        if not isinstance(sys.exc_info()[1], OSError):
+            super().handle_error(request, client_address)
+
+
+def _next(queue: Queue[str | None]) -> str | None:
+    """The next event as text; a comment where there is none for a while; None at the end."""
+    try:
+        message = queue.get(timeout=_HEARTBEAT)
+    except Empty:
+        return ": still here\n\n"
+    return None if message is None else f"data: {message}\n\n"
+
+
+def _put_latest(queue: Queue[str | None], message: str | None) -> None:
+    """Put a message into a queue for one, in place of the one that is there."""
+    while True:
+        try:
+            queue.put_nowait(message)
+            return
+        except Full:
+            try:
+                queue.get_nowait()
+            except Empty:
+                continue

@@ -1,0 +1,384 @@
+"""See an arm and its runs: in a browser, in a notebook, and as a file that can be sent to someone.
+
+`view` shows an arm, `animate` a result (`result.animate()` is the same). Both return a `Viewer` at once and start
+nothing: a server on this machine's loopback address runs from the first look at `Viewer.url` until `Viewer.close`.
+"""
+
+from __future__ import annotations
+
+import errno
+import html
+import os
+import warnings
+import webbrowser
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._common.arrays import Array, positive_number
+from ..exceptions import ModelError, RBImpedanceError
+from ..interaction import EnvironmentLike, FrameInteraction, Interaction, as_interaction
+from ..robot.arm_model import ArmModel
+from ..robot.load import RECIPE, load_robot
+from ..robot.loading.robot_sources import runs_as_program
+from ..simulation.result import SimulationResult
+from .page.drawing import Drawing
+from .page.page import page
+from .page.scene import Frame, Surface, scene
+from .page.server import Server
+
+MOST_FRAMES = 1200
+"""Frames of an animation at most: longer runs show fewer of them a second."""
+
+UNEXPLAINED = 0.02
+"""Share of a logged torque that a force at the tool may leave unexplained before a moment is drawn as well."""
+
+
+class Viewer:
+    """A picture of an arm, or the animation of a result.
+
+    In a notebook it embeds itself, as a page that needs no server. `url` starts one; from then on `display` moves the
+    arm in every browser that shows the page. A `with` statement closes it in the end.
+
+    Attributes:
+        arm: The arm.
+        notes: What could not be shown, and what stands in for it.
+    """
+
+    def __init__(
+        self,
+        arm: ArmModel,
+        frames: list[Frame],
+        *,
+        title: str,
+        period: float = 0.0,
+        surfaces: tuple[Surface, ...] = (),
+        port: int = 0,
+    ) -> None:
+        self.arm = arm
+        self._drawing = Drawing(arm)
+        self.notes = self._drawing.notes
+        self._frames = frames
+        self._settings: dict[str, Any] = {"title": title, "period": period, "surfaces": surfaces}
+        self._port = port
+        self._server: Server | None = None
+
+    def __repr__(self) -> str:
+        where = f" at {self._server.url}" if self._server is not None else ""
+        return f"<Viewer of '{self.arm.name}'{where}>"
+
+    def __enter__(self) -> Viewer:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    # --- in a browser -------------------------------------------------------------------------------------------
+
+    @property
+    def url(self) -> str:
+        """Address of the page on this machine; the first look starts its server.
+
+        Raises:
+            GainError: The port that was asked for is not free.
+        """
+        if self._server is None:
+            self._server = Server(lambda known: self.html(live=known), self._port)
+        return self._server.url
+
+    def open(self) -> Viewer:
+        """Show the page in the system's browser, and return this viewer; warns where there is no browser."""
+        if not _open_in_browser(self.url):
+            warnings.warn(f"no browser with windows here; {self.url} shows the page", stacklevel=2)
+        return self
+
+    def display(
+        self,
+        q: ArrayLike,
+        *,
+        q_r: ArrayLike | None = None,
+        wrench: EnvironmentLike | None = None,
+    ) -> None:
+        """Show another configuration; it does not wait for the browsers.
+
+        Args:
+            q: Configuration, shape (nq,).
+            q_r: Configuration of the reference, shape (nq,), drawn as a ghost.
+            wrench: Wrench on the tool, shape (6,), or any `Interaction` that acts at frames, drawn as arrows.
+
+        Raises:
+            DimensionError: Wrong shape or kind.
+            NonFiniteError: An input holds NaN or infinity.
+        """
+        frame = _still(self.arm, q, q_r, wrench)
+        before, self._frames = self._frames, [frame]
+        self._settings |= {"surfaces": _surfaces(self._settings["surfaces"], wrench)}
+        if self._server is None:
+            return
+        if len(before) > 1 or _kind(before[0]) != _kind(frame):
+            self._server.tell({"reload": True})
+            return
+        poses = {"arm": self._drawing.poses(frame.q).ravel().tolist()}
+        if frame.q_r is not None:
+            poses["ghost"] = self._drawing.poses(frame.q_r).ravel().tolist()
+        wrenches = [] if frame.wrenches is None else frame.wrenches.ravel().tolist()
+        self._server.tell({**poses, "wrenches": wrenches, "surfaces": list(frame.travel)})
+
+    def close(self) -> None:
+        """Stop the server and free its port; the viewer can still write files."""
+        if self._server is not None:
+            self._server.close()
+            self._server = None
+
+    # --- as a file ----------------------------------------------------------------------------------------------
+
+    def html(self, *, live: int = 0) -> str:
+        """Return the page as one text that loads nothing from anywhere.
+
+        Args:
+            live: Number of the latest news that this page knows of, for a page that listens to the server that it came
+                from; 0 for one that does not.
+        """
+        return page(scene(self._drawing, self._frames, live=live, **self._settings))
+
+    def save_html(self, path: str | os.PathLike[str]) -> Path:
+        """Write the page as one file that works offline; it appears whole or not at all.
+
+        Args:
+            path: Where to.
+
+        Returns:
+            The path that was written.
+
+        Raises:
+            OSError: It cannot be written there.
+        """
+        target = Path(path)
+        if not target.parent.is_dir():
+            raise FileNotFoundError(errno.ENOENT, "no such folder", str(target.parent))
+        part = target.with_name(f"{target.name}.{uuid4().hex}.part")
+        try:
+            part.write_text(self.html(), encoding="utf-8")
+            part.replace(target)
+        finally:
+            part.unlink(missing_ok=True)
+        return target
+
+    def _repr_html_(self) -> str:
+        """The page in a frame, as notebooks embed it."""
+        return (
+            f'<iframe srcdoc="{html.escape(self.html())}" title="{html.escape(self._settings["title"])}" '
+            'style="width: 100%; aspect-ratio: 16 / 10; border: 0"></iframe>'
+        )
+
+
+def view(
+    robot: object,
+    q: ArrayLike | None = None,
+    *,
+    q_r: ArrayLike | None = None,
+    wrench: EnvironmentLike | None = None,
+    open: bool = False,
+    port: int = 0,
+) -> Viewer:
+    """Show an arm.
+
+    Args:
+        robot: The arm, or anything that `load_robot` takes.
+        q: Configuration, shape (nq,); `arm.neutral` by default.
+        q_r: Configuration of a reference, shape (nq,), drawn as a ghost.
+        wrench: Wrench on the tool, shape (6,), or any `Interaction` that acts at frames, drawn as arrows; walls are
+            drawn as surfaces.
+        open: Open the system's browser.
+        port: Port on 127.0.0.1 for the page; 0 for any that is free.
+
+    Returns:
+        The viewer: embeds itself in a notebook; `url`, `save_html` and `display` elsewhere.
+
+    Raises:
+        ModelError: The robot cannot be loaded.
+        DimensionError: A configuration or a wrench of wrong shape.
+        NonFiniteError: One that holds NaN or infinity.
+        GainError: With `open`: the port is not free.
+    """
+    arm = robot if isinstance(robot, ArmModel) else load_robot(robot)
+    frame = _still(arm, arm.neutral if q is None else q, q_r, wrench)
+    viewer = Viewer(arm, [frame], title=arm.name, surfaces=_surfaces((), wrench), port=port)
+    return viewer.open() if open else viewer
+
+
+def animate(
+    result: SimulationResult,
+    *,
+    robot: object = None,
+    wrench: EnvironmentLike | None = None,
+    fps: float = 30.0,
+    open: bool = False,
+    port: int = 0,
+) -> Viewer:
+    """Show a result: the arm, its reference as a ghost, force and moment on it, the path of its tool.
+
+    Args:
+        result: The result.
+        robot: The arm, or anything that `load_robot` takes. Without it, the simulated arm; a result from a file says
+            which robot that was, where it had a name or a path.
+        wrench: What `simulate` was given: its wrenches are drawn where they act, its walls as surfaces. Without it,
+            the force at the tool, or where none does the wrench, that gives the logged tau_ext.
+        fps: Frames per second of the run.
+        open: Open the system's browser.
+        port: Port on 127.0.0.1 for the page; 0 for any that is free.
+
+    Returns:
+        The viewer; see `view`.
+
+    Raises:
+        ModelError: The result does not say which robot it was, or the robot given has other joints.
+        GainError: `fps` is not positive; with `open`: the port is not free.
+    """
+    arm = _arm_of(result, robot)
+    span = float(result.t[-1] - result.t[0])
+    rate = positive_number("fps", fps, "frames per second")
+    count = min(max(round(span * rate), 1), MOST_FRAMES, len(result.t) - 1) + 1
+    times = np.linspace(result.t[0], result.t[-1], count)
+    samples = np.searchsorted(result.t, times - 1e-9).clip(max=len(result.t) - 1)
+    environment = None if wrench is None else as_interaction(wrench)
+    acting = result.tau_ext.any() if environment is None else True
+    frames = [_moment(arm, result, int(k), environment, has_force=bool(acting)) for k in samples]
+    viewer = Viewer(
+        arm,
+        frames,
+        title=arm.name,
+        period=span / max(count - 1, 1),
+        surfaces=_surfaces((), environment),
+        port=port,
+    )
+    return viewer.open() if open else viewer
+
+
+def _open_in_browser(url: str) -> bool:
+    """Open a page where a browser has windows; one that runs in the terminal would take that over and not return."""
+    try:
+        browser = webbrowser.get()
+    except webbrowser.Error:
+        return False
+    return type(browser) is not webbrowser.GenericBrowser and browser.open(url)
+
+
+# --- what a frame shows -----------------------------------------------------------------------------------------
+
+
+def _still(
+    arm: ArmModel, q: ArrayLike, q_r: ArrayLike | None, wrench: EnvironmentLike | None
+) -> Frame:
+    q = arm.check_configuration("q", q)
+    environment = None if wrench is None else as_interaction(wrench)
+    return Frame(
+        q=q,
+        q_r=None if q_r is None else arm.check_configuration("q_r", q_r),
+        wrenches=None
+        if environment is None
+        else _wrenches(arm, environment, 0.0, q, np.zeros(arm.nv)),
+        travel=_travel(environment, 0.0),
+    )
+
+
+def _moment(
+    arm: ArmModel,
+    result: SimulationResult,
+    k: int,
+    environment: Interaction | None,
+    *,
+    has_force: bool,
+) -> Frame:
+    """The picture at sample k of a result."""
+    q, t = result.q[k], float(result.t[k])
+    if environment is not None:
+        wrenches = _wrenches(arm, environment, t, q, result.v[k])
+    else:
+        wrenches = _at_tool(arm, q, result.tau_ext[k]) if has_force else np.zeros((0, 9))
+    _, tool = arm.frame_placement(q)
+    return Frame(q, result.q_r[k], wrenches, _travel(environment, t), tool)
+
+
+def _wrenches(arm: ArmModel, environment: Interaction, t: float, q: Array, v: Array) -> Array:
+    """Where the environment acts and with which force and moment, shape (n, 9)."""
+    if not isinstance(environment, FrameInteraction):
+        return np.zeros((0, 9))
+    acting = environment.wrenches(arm, t, q, v)
+    rows = [[*arm.frame_placement(q, frame)[1], *wrench] for frame, wrench in acting]
+    return np.array(rows).reshape(-1, 9)
+
+
+def _at_tool(arm: ArmModel, q: Array, tau_ext: Array) -> Array:
+    """The smallest force at the tool that gives tau_ext, or wrench where no force does, shape (1, 9)."""
+    J = arm.jacobian(q)
+    force, *_ = np.linalg.lstsq(J[:3].T, tau_ext, rcond=1e-3)
+    wrench = np.append(force, np.zeros(3))
+    if np.linalg.norm(J.T @ wrench - tau_ext) > UNEXPLAINED * np.linalg.norm(tau_ext):
+        wrench, *_ = np.linalg.lstsq(J.T, tau_ext, rcond=1e-3)
+    return np.array([[*arm.frame_placement(q)[1], *wrench]])
+
+
+def _walls(environment: object) -> list[Any]:
+    """The parts of an environment that have a flat surface."""
+    parts = getattr(environment, "parts", (environment,))
+    return [part for part in parts if hasattr(part, "point") and hasattr(part, "normal")]
+
+
+def _surfaces(known: tuple[Surface, ...], environment: object) -> tuple[Surface, ...]:
+    return tuple(Surface(wall.point, wall.normal) for wall in _walls(environment)) or known
+
+
+def _travel(environment: object, t: float) -> tuple[float, ...]:
+    moved = [getattr(wall, "displacement", None) for wall in _walls(environment)]
+    return tuple(0.0 if move is None else float(move(t)) for move in moved)
+
+
+def _kind(frame: Frame) -> tuple[bool, int, int]:
+    """What a page must be built anew for."""
+    return (
+        frame.q_r is not None,
+        0 if frame.wrenches is None else len(frame.wrenches),
+        len(frame.travel),
+    )
+
+
+def _arm_of(result: SimulationResult, robot: object) -> ArmModel:
+    """The arm of a result: the one given, the one simulated, or the one that its file names."""
+    made_by = result.provenance["plant"]
+    if robot is not None:
+        arm = robot if isinstance(robot, ArmModel) else load_robot(robot)
+    elif result.plant is not None:
+        arm = result.plant
+    else:
+        arm = _named_by_file(made_by)
+    if arm.joint_names != result.joint_names or arm.nq != result.q.shape[1]:
+        raise ModelError(
+            f"the result is of joints {', '.join(result.joint_names)}; '{arm.name}' has {', '.join(arm.joint_names)}"
+        )
+    return arm
+
+
+def _named_by_file(made_by: Mapping[str, Any]) -> ArmModel:
+    """The arm that a result from a file names; the file may be a stranger's, so nothing that it names is run."""
+    recipe = made_by.get("recipe")
+    if not recipe:
+        raise ModelError(
+            f"the result does not hold its robot, '{made_by['name']}', which had neither a name nor a path; "
+            "give it with robot="
+        )
+    if not isinstance(recipe, Mapping) or not {"source"} <= recipe.keys() <= RECIPE:
+        raise ModelError("the result does not say how its robot is loaded; give it with robot=")
+    source, how = str(recipe["source"]), {k: v for k, v in recipe.items() if k != "source"}
+    if runs_as_program(source):
+        raise ModelError(
+            f"the result names '{source}', which would be run as a program; give the robot with robot="
+        )
+    try:
+        return load_robot(source, **how)
+    except (RBImpedanceError, TypeError, ValueError) as error:
+        raise ModelError(f"the robot of the result: {error}; give it with robot=") from error

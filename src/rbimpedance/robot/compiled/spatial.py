@@ -1,0 +1,279 @@
+"""Spatial algebra on tuples of numbers: what the compiler turns into straight code without a trace of a call.
+
+Vectors are (x, y, z), rotations nine numbers row by row, symmetric matrices (xx, xy, xz, yy, yz, zz). A spatial motion
+is (angular, linear), a spatial force (moment, force), as in R. Featherstone, Rigid Body Dynamics Algorithms, 2008,
+whose sections and tables the docstrings name.
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+from ..._numba.compile import fused
+
+Vector: TypeAlias = tuple[float, float, float]
+Symmetric: TypeAlias = tuple[float, float, float, float, float, float]
+Matrix: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
+Motion: TypeAlias = tuple[Vector, Vector]
+Force: TypeAlias = tuple[Vector, Vector]
+Inertia: TypeAlias = tuple[Symmetric, Matrix, Symmetric]
+"""[[I, H], [Hᵀ, M]]: rotational part, coupling, mass part."""
+
+# --- vectors and matrices -------------------------------------------------------------------------------------------
+
+
+@fused
+def add(a: Vector, b: Vector) -> Vector:
+    """Return a + b."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@fused
+def scale(k: float, a: Vector) -> Vector:
+    """K·a."""
+    return k * a[0], k * a[1], k * a[2]
+
+
+@fused
+def dot(a: Vector, b: Vector) -> float:
+    """A·b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@fused
+def cross(a: Vector, b: Vector) -> Vector:
+    """A × b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@fused
+def add_z(a: Vector, k: float) -> Vector:
+    """A + k·z."""
+    return a[0], a[1], a[2] + k
+
+
+@fused
+def add_cross_z(a: Vector, b: Vector, k: float) -> Vector:
+    """A + b × k·z."""
+    return a[0] + b[1] * k, a[1] - b[0] * k, a[2]
+
+
+@fused
+def rotate(R: Matrix, a: Vector) -> Vector:
+    """R·a."""
+    return (
+        R[0] * a[0] + R[1] * a[1] + R[2] * a[2],
+        R[3] * a[0] + R[4] * a[1] + R[5] * a[2],
+        R[6] * a[0] + R[7] * a[1] + R[8] * a[2],
+    )
+
+
+@fused
+def unrotate(R: Matrix, a: Vector) -> Vector:
+    """Rᵀ·a."""
+    return (
+        R[0] * a[0] + R[3] * a[1] + R[6] * a[2],
+        R[1] * a[0] + R[4] * a[1] + R[7] * a[2],
+        R[2] * a[0] + R[5] * a[1] + R[8] * a[2],
+    )
+
+
+@fused
+def transform(S: Symmetric, a: Vector) -> Vector:
+    """S·a, S symmetric."""
+    return (
+        S[0] * a[0] + S[1] * a[1] + S[2] * a[2],
+        S[1] * a[0] + S[3] * a[1] + S[4] * a[2],
+        S[2] * a[0] + S[4] * a[1] + S[5] * a[2],
+    )
+
+
+@fused
+def turn_about_z(R: Matrix, cos: float, sin: float) -> Matrix:
+    """R·R_z: the first two columns turn."""
+    return (
+        R[0] * cos + R[1] * sin,
+        R[1] * cos - R[0] * sin,
+        R[2],
+        R[3] * cos + R[4] * sin,
+        R[4] * cos - R[3] * sin,
+        R[5],
+        R[6] * cos + R[7] * sin,
+        R[7] * cos - R[6] * sin,
+        R[8],
+    )
+
+
+@fused
+def z_axis(R: Matrix) -> Vector:
+    """R·z."""
+    return R[2], R[5], R[8]
+
+
+@fused
+def product(A: Matrix, B: Matrix) -> Matrix:
+    """A·B, column by column."""
+    x = rotate(A, (B[0], B[3], B[6]))
+    y = rotate(A, (B[1], B[4], B[7]))
+    z = rotate(A, (B[2], B[5], B[8]))
+    return x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]
+
+
+@fused
+def congruence(R: Matrix, S: Symmetric) -> Symmetric:
+    """R·S·Rᵀ, S symmetric."""
+    x, y, z = (R[0], R[1], R[2]), (R[3], R[4], R[5]), (R[6], R[7], R[8])
+    Sx, Sy, Sz = transform(S, x), transform(S, y), transform(S, z)
+    return dot(x, Sx), dot(x, Sy), dot(x, Sz), dot(y, Sy), dot(y, Sz), dot(z, Sz)
+
+
+@fused
+def cross_columns(a: Vector, A: Matrix) -> Matrix:
+    """[a]×·A."""
+    x, y, z = (
+        cross(a, (A[0], A[3], A[6])),
+        cross(a, (A[1], A[4], A[7])),
+        cross(a, (A[2], A[5], A[8])),
+    )
+    return x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]
+
+
+# --- motions, forces, inertias --------------------------------------------------------------------------------------
+
+
+@fused
+def add_pair(a: Motion, b: Motion) -> Motion:
+    """A + b for motions or forces."""
+    return add(a[0], b[0]), add(a[1], b[1])
+
+
+@fused
+def scale_pair(k: float, a: Motion) -> Motion:
+    """K·a for a motion or a force."""
+    return scale(k, a[0]), scale(k, a[1])
+
+
+@fused
+def power(m: Motion, f: Force) -> float:
+    """M·f, the scalar product of a motion and a force (Featherstone, §2.2)."""
+    return dot(m[0], f[0]) + dot(m[1], f[1])
+
+
+@fused
+def cross_motion(v: Motion, m: Motion) -> Motion:
+    """V × m (Featherstone, §2.9)."""
+    return cross(v[0], m[0]), add(cross(v[0], m[1]), cross(v[1], m[0]))
+
+
+@fused
+def cross_force(v: Motion, f: Force) -> Force:
+    """V ×* f (Featherstone, §2.9)."""
+    return add(cross(v[0], f[0]), cross(v[1], f[1])), cross(v[0], f[1])
+
+
+@fused
+def shift_motion(m: Motion, r: Vector) -> Motion:
+    """A motion at the point r away, axes as they are (Featherstone, §2.8)."""
+    return m[0], add(m[1], cross(m[0], r))
+
+
+@fused
+def shift_force(f: Force, r: Vector) -> Force:
+    """A force that acts at r, at the origin, axes as they are (Featherstone, §2.8)."""
+    return add(f[0], cross(r, f[1])), f[1]
+
+
+@fused
+def shift_inertia(I: Inertia, r: Vector) -> Inertia:  # noqa: E741 (the letter of the literature)
+    """An inertia at r, at the origin, axes as they are: [I + r̃·Hᵀ - H'·r̃, H' = H + r̃·M, M] (Featherstone, §2.13)."""
+    rotational, H, M = I
+    moved = add_matrix(H, cross_columns(r, full(M)))
+    A, B = cross_columns(r, transposed(H)), cross_columns(r, transposed(moved))
+    return add_symmetric(rotational, upper(add_matrix(A, transposed(B)))), moved, M
+
+
+@fused
+def rigid_inertia(mass: float, h: Vector, rotational: Symmetric) -> Inertia:
+    """Spatial inertia of a body with first moment h (Featherstone, §2.13)."""
+    x, y, z = h
+    return rotational, (0.0, -z, y, z, 0.0, -x, -y, x, 0.0), (mass, 0.0, 0.0, mass, 0.0, mass)
+
+
+@fused
+def rigid_momentum(I: Inertia, v: Motion) -> Force:  # noqa: E741 (the letter of the literature)
+    """I·v of a single body, spared the zeros of its inertia."""
+    rotational, H, M = I
+    h = (H[7], H[2], H[3])
+    return (
+        add(transform(rotational, v[0]), cross(h, v[1])),
+        add(scale(M[0], v[1]), cross(v[0], h)),
+    )
+
+
+@fused
+def apply(I: Inertia, m: Motion) -> Force:  # noqa: E741
+    """I·m."""
+    rotational, H, M = I
+    return (
+        add(transform(rotational, m[0]), rotate(H, m[1])),
+        add(unrotate(H, m[0]), transform(M, m[1])),
+    )
+
+
+@fused
+def add_inertia(A: Inertia, B: Inertia) -> Inertia:
+    """A + B."""
+    return add_symmetric(A[0], B[0]), add_matrix(A[1], B[1]), add_symmetric(A[2], B[2])
+
+
+@fused
+def without_direction(I: Inertia, U: Force, k: float) -> Inertia:  # noqa: E741
+    """I - k·U·Uᵀ: what is left of an inertia once a joint gives way (Featherstone, Table 7.1)."""
+    n, f = U
+    kn, kf = scale(-k, n), scale(-k, f)
+    return (
+        add_symmetric(I[0], upper(outer(kn, n))),
+        add_matrix(I[1], outer(kn, f)),
+        add_symmetric(I[2], upper(outer(kf, f))),
+    )
+
+
+@fused
+def outer(a: Vector, b: Vector) -> Matrix:
+    """A·bᵀ."""
+    x, y, z = scale(a[0], b), scale(a[1], b), scale(a[2], b)
+    return x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2]
+
+
+@fused
+def full(S: Symmetric) -> Matrix:
+    """A symmetric matrix with all its entries."""
+    return S[0], S[1], S[2], S[1], S[3], S[4], S[2], S[4], S[5]
+
+
+@fused
+def transposed(A: Matrix) -> Matrix:
+    """Aᵀ."""
+    return A[0], A[3], A[6], A[1], A[4], A[7], A[2], A[5], A[8]
+
+
+@fused
+def upper(A: Matrix) -> Symmetric:
+    """The symmetric matrix with the upper triangle of A."""
+    return A[0], A[1], A[2], A[4], A[5], A[8]
+
+
+@fused
+def add_symmetric(A: Symmetric, B: Symmetric) -> Symmetric:
+    """A + B."""
+    return A[0] + B[0], A[1] + B[1], A[2] + B[2], A[3] + B[3], A[4] + B[4], A[5] + B[5]
+
+
+@fused
+def add_matrix(A: Matrix, B: Matrix) -> Matrix:
+    """A + B."""
+    return (
+        A[0] + B[0], A[1] + B[1], A[2] + B[2],
+        A[3] + B[3], A[4] + B[4], A[5] + B[5],
+        A[6] + B[6], A[7] + B[7], A[8] + B[8],
+    )  # fmt: skip

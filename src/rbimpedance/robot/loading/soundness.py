@@ -1,0 +1,128 @@
+"""Whether an arm's dynamics can be used: inertia about every joint, and accelerations that are finite."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..._common.arrays import Array
+from ...exceptions import ModelError, UnsupportedJointError
+from ..arm_model import ArmModel
+from .urdf_document import listed
+
+SMALLEST_INERTIA = 1e-9
+"""Smallest inertia about a joint that counts as one [kg·m² or kg]."""
+
+SMALLEST_EIGENVALUE = 1e-8
+"""Smallest eigenvalue of M, scaled to a unit diagonal, with which M⁻¹ still has eight digits."""
+
+LARGEST_INERTIA = 1e12
+"""Largest inertia about a joint [kg·m² or kg]: beyond it, units are wrong, or a number."""
+
+LARGEST_CONDITION = 1e12
+"""Largest ratio of eigenvalues of M with which the smallest still has four digits; 5e6 among known robots."""
+
+_UNITS = "give masses in kg, inertias in kg·m² and lengths in m"
+_AGREEMENT = 1e-6  # of CRBA and RNEA, relative
+_SAMPLES = 8
+
+
+def check_inertia(arm: ArmModel) -> None:
+    """Refuse an arm whose dynamics cannot be used.
+
+    A link without mass is no fault where heavier ones beyond it give M the inertia, so M itself is the judge: it must
+    be safely positive definite, agree with RNEA, and the forward dynamics and the tool's pose be finite, at the neutral
+    and at sampled configurations.
+
+    Args:
+        arm: The arm.
+
+    Raises:
+        UnsupportedJointError: The joints along which M is singular, and the ways out.
+        ModelError: M is too ill-conditioned for floating point, or something is not finite.
+    """
+    rng = np.random.default_rng(0)
+    with np.errstate(all="ignore"):  # the results are judged, whatever they are
+        for q in (arm.neutral, *(arm.random_configuration(rng) for _ in range(_SAMPLES))):
+            M = arm.mass_matrix(q)
+            _check_size(arm, M)
+            weak = weak_directions(M)
+            if weak.any():
+                names = [name for name, w in zip(arm.joint_names, weak, strict=True) if w]
+                raise _unusable(names, arm)
+            _check_condition(arm, M)
+            _check_motion(arm, q, M, rng.normal(size=arm.nv))
+
+
+def weak_directions(M: Array) -> NDArray[np.bool_]:
+    """Tell along which joints a mass matrix is not safely positive.
+
+    Args:
+        M: Mass matrix, shape (nv, nv).
+
+    Returns:
+        True at joints without inertia of their own, else at those that take part in a motion of all joints that has
+        next to none; shape (nv,).
+    """
+    if not np.isfinite(M).all():
+        return np.ones(len(M), dtype=np.bool_)
+    diagonal = np.diag(M)
+    weak: NDArray[np.bool_] = diagonal < SMALLEST_INERTIA
+    if weak.any():
+        return weak
+    scale = 1.0 / np.sqrt(diagonal)
+    eigenvalues, vectors = np.linalg.eigh(M * np.outer(scale, scale))
+    if eigenvalues[0] >= SMALLEST_EIGENVALUE:
+        return weak
+    motion = np.abs(vectors[:, 0])
+    return np.asarray(motion > 0.3 * motion.max())
+
+
+def _check_size(arm: ArmModel, M: Array) -> None:
+    """Refuse inertias that no machine has, which leave no digits for those that it has."""
+    if not (size := np.diag(M)).max() <= LARGEST_INERTIA:
+        i = int(np.argmax(size))  # of a NaN, if there is one
+        raise ModelError(
+            f"what '{arm.joint_names[i]}' moves has the inertia {size[i]:.3g}: {_UNITS}"
+        )
+
+
+def _check_condition(arm: ArmModel, M: Array) -> None:
+    """Refuse inertias so far apart that the small ones drown in the rounding of the large ones."""
+    eigenvalues, vectors = np.linalg.eigh(M / np.abs(M).max())
+    if not eigenvalues[0] * LARGEST_CONDITION >= eigenvalues[-1]:
+        motion = np.abs(vectors[:, [0, -1]])
+        light, heavy = (np.array(arm.joint_names)[m > 0.5 * m.max()].tolist() for m in motion.T)
+        raise ModelError(
+            f"what {listed(light)} moves has less than 1/{LARGEST_CONDITION:g} of the inertia of what {listed(heavy)} "
+            f"moves, too little for floating point: {_UNITS}"
+        )
+
+
+def _check_motion(arm: ArmModel, q: Array, M: Array, a: Array) -> None:
+    """Refuse what is not finite, and an M that is not that of the equations of motion."""
+    bias = arm.bias(q, np.zeros(arm.nv))
+    tau = arm.inverse_dynamics(q, np.zeros(arm.nv), a)
+    scale = np.abs(M) @ np.abs(a) + np.abs(bias)
+    if not (np.abs(M @ a + bias - tau) <= _AGREEMENT * scale).all():
+        raise ModelError(
+            f"two ways to the mass matrix of '{arm.name}' disagree at q = {q.tolist()}"
+        )
+    for v in (np.zeros(arm.nv), a):
+        if not np.isfinite(arm.forward_dynamics(q, v, np.ones(arm.nv))).all():
+            raise ModelError(
+                f"the forward dynamics of '{arm.name}' is not finite at q = {q.tolist()}"
+            )
+    rotation, origin = arm.frame_placement(q)
+    if not (np.isfinite(origin).all() and np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6)):
+        raise ModelError(
+            f"the frame '{arm.tool_frame}' of '{arm.name}' has no pose at q = {q.tolist()}"
+        )
+
+
+def _unusable(names: list[str], arm: ArmModel) -> UnsupportedJointError:
+    ways = "give the links an <inertial> with mass, or state the rotors' reflected inertia with armature="
+    if len(names) < arm.nv:
+        quoted = ", ".join(f'"{name}"' for name in names)
+        ways += f", or freeze with lock=({quoted},)"
+    return UnsupportedJointError(names, f"what it moves has no usable inertia; {ways}")

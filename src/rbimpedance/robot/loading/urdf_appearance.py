@@ -1,0 +1,271 @@
+"""What a URDF says beside dynamics, read by yourdfpy: shapes, meshes, colours. Nothing here decides about dynamics."""
+
+from __future__ import annotations
+
+import io
+import logging
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..._common.arrays import Array
+from ...exceptions import ModelError
+from .robot_sources import RobotText
+from .urdf_document import UrdfDocument, listed
+from .wording import shortened
+
+MAX_MESHES = 1000
+"""Most mesh files that are looked for when a robot is loaded."""
+
+MESH_SUFFIXES = frozenset(
+    (
+        ".stl",
+        ".stlb",
+        ".dae",
+        ".obj",
+        ".ply",
+        ".off",
+        ".glb",
+        ".gltf",
+        ".3mf",
+        ".3ds",
+        ".mesh",
+        ".wrl",
+    )
+)
+"""How mesh files end, in lower case."""
+
+RGBA = tuple[float, float, float, float]
+"""Red, green, blue and opacity, each from 0 to 1."""
+
+
+class Origin(Protocol):
+    """Where a description came from, as far as its mesh files matter: a `RobotText` or a `Description`."""
+
+    @property
+    def folder(self) -> Path | None:
+        """Folder that relative mesh files refer to."""
+
+    @property
+    def package_dirs(self) -> tuple[Path, ...]:
+        """Folders in which `package://` addresses are looked up."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """One <visual> or <collision> of a link.
+
+    Attributes:
+        link: Name of the link.
+        is_visual: False for a <collision>.
+        placement: Pose in the link's frame, shape (4, 4).
+        kind: "box", "cylinder", "sphere" or "mesh".
+        size: Edges of a box, (radius, length) of a cylinder, (radius,) of a sphere, scale of a mesh.
+        mesh_file: Address of the mesh file as written; empty for the others.
+        color: What its material says; None where it says nothing.
+    """
+
+    link: str
+    is_visual: bool
+    placement: Array
+    kind: str
+    size: tuple[float, ...]
+    mesh_file: str
+    color: RGBA | None
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """What yourdfpy finds in a document.
+
+    Attributes:
+        links: Names of the links.
+        joints: Names of the joints.
+        mimicking: Names of the joints with a <mimic> element.
+        materials: Names of the materials.
+        mesh_files: Addresses of the mesh files as written.
+    """
+
+    links: tuple[str, ...]
+    joints: tuple[str, ...]
+    mimicking: tuple[str, ...]
+    materials: tuple[str, ...]
+    mesh_files: tuple[str, ...]
+
+
+def read_appearance(xml: str) -> Appearance:
+    """Read a document with yourdfpy, without loading meshes.
+
+    Args:
+        xml: The document as `read_xml` accepted it.
+
+    Raises:
+        ModelError: yourdfpy cannot read it.
+    """
+    robot = _read(xml)
+    return Appearance(
+        links=tuple(link.name for link in robot.links),
+        joints=tuple(joint.name for joint in robot.joints),
+        mimicking=tuple(joint.name for joint in robot.joints if joint.mimic is not None),
+        materials=tuple(material.name for material in robot.materials),
+        mesh_files=tuple(dict.fromkeys(_mesh_files(robot))),
+    )
+
+
+def read_shapes(xml: str) -> tuple[Shape, ...]:
+    """Read the visual and collision shapes of all links, in the order of the document.
+
+    Args:
+        xml: The document as `read_xml` accepted it.
+
+    Raises:
+        ModelError: yourdfpy cannot read it.
+    """
+    robot = _read(xml)
+    colors = {m.name: m.color.rgba for m in robot.materials if m.color is not None}
+    return tuple(
+        shape
+        for link in robot.links
+        for is_visual, elements in ((True, link.visuals), (False, link.collisions))
+        for element in elements
+        if (shape := _shape(link.name, is_visual, element, colors)) is not None
+    )
+
+
+def find_mesh(address: str, text: Origin) -> Path | None:
+    """Return the file that a mesh address means, or None where there is none.
+
+    Only files that are called like meshes are found, and only inside `package_dirs`, the document's package (the
+    folders below the nearest package.xml, else below the folder above the document's), or the package that a
+    `package://` address names: a description from elsewhere reaches no other file.
+
+    Args:
+        address: As written: `package://name/...`, `file://...`, or a path relative to the document.
+        text: Where the document came from.
+    """
+    scheme, _, rest = address.rpartition("://")
+    above = () if text.folder is None else (text.folder, *text.folder.parents)
+    places: list[tuple[Path, tuple[Path, ...]]] = []
+    if scheme == "package":
+        name, _, path = rest.partition("/")
+        for folder in (*text.package_dirs, *above) if name and path else ():
+            places += [(folder / rest, (folder / name,)), (folder / path, (folder,))]
+    elif scheme in ("", "file"):
+        allowed = (*text.package_dirs, *_own_package(text.folder))
+        places = [(folder / rest, allowed) for folder in (*above[:1], *text.package_dirs)]
+    plain = ((Path(os.path.normpath(place)), inside) for place, inside in places)
+    return next((place for place, inside in plain if _is_mesh(place, inside)), None)
+
+
+def appearance_notes(document: UrdfDocument, text: RobotText) -> tuple[str, ...]:
+    """Hold the document against yourdfpy's reading and say which meshes are not there.
+
+    Raises:
+        ModelError: yourdfpy finds other links, joints or mimicking joints than `parse_urdf`.
+    """
+    try:
+        appearance = read_appearance(document.xml)
+    except ModelError as error:
+        return (f"{shortened(str(error), 300)}: this matters for pictures only",)
+    movable = set(document.movable())
+    for kind, found, read in (
+        ("links", set(appearance.links), {link.name for link in document.links}),
+        ("joints", set(appearance.joints), {joint.name for joint in document.joints}),
+        ("mimicking joints", movable.intersection(appearance.mimicking), set(document.mimics())),
+    ):
+        if found != read:
+            names = listed(sorted(found ^ read))
+            raise ModelError(
+                f"{text.origin}: the {kind} {names} are read in one way and not in another"
+            )
+    files = appearance.mesh_files
+    if len(files) > MAX_MESHES:
+        return (f"{len(files)} mesh files are named; more than {MAX_MESHES} are not looked for",)
+    missing = [address for address in files if find_mesh(address, text) is None]
+    if not missing:
+        return ()
+    return (
+        f"{len(missing)} of {len(files)} mesh files are not there, or outside the robot's package "
+        f"({listed([shortened(address, 200) for address in missing], 2)}): this matters for pictures only; name their "
+        "folder with package_dirs=",
+    )
+
+
+def _read(xml: str) -> Any:
+    """What yourdfpy makes of a document, without loading meshes."""
+    import yourdfpy  # noqa: PLC0415  (takes a second)
+
+    logger = logging.getLogger("yourdfpy.urdf")
+    is_disabled, logger.disabled = logger.disabled, True
+    try:
+        return yourdfpy.URDF.load(
+            io.BytesIO(xml.encode()), load_meshes=False, build_scene_graph=False
+        ).robot
+    except Exception as error:
+        raise ModelError(f"visuals cannot be read ({error})") from error
+    finally:
+        logger.disabled = is_disabled
+
+
+def _shape(link: str, is_visual: bool, element: Any, colors: dict[str, Any]) -> Shape | None:
+    """Read a <visual> or <collision>; None where it has no finite, positive size."""
+    geometry, color = element.geometry, None
+    if geometry is None:
+        return None
+    kind, mesh_file = "", ""
+    size: Any = ()
+    if geometry.box is not None:
+        kind, size = "box", geometry.box.size
+    elif geometry.cylinder is not None:
+        kind, size = "cylinder", (geometry.cylinder.radius, geometry.cylinder.length)
+    elif geometry.sphere is not None:
+        kind, size = "sphere", (geometry.sphere.radius,)
+    elif geometry.mesh is not None:
+        scale = 1.0 if geometry.mesh.scale is None else geometry.mesh.scale
+        kind, size = "mesh", np.broadcast_to(scale, 3)
+        mesh_file = str(geometry.mesh.filename)
+    extent: tuple[float, ...] = tuple(float(x) for x in size)
+    placement = np.eye(4) if element.origin is None else np.array(element.origin)
+    if not extent or not np.isfinite([*extent, *placement.ravel()]).all() or not all(extent):
+        return None
+    if is_visual and element.material is not None:
+        own = element.material.color
+        color = colors.get(element.material.name) if own is None else own.rgba
+    rgba = None if color is None else tuple(float(x) for x in np.clip(color, 0.0, 1.0))
+    return Shape(link, is_visual, placement, kind, extent, mesh_file, rgba)  # type: ignore[arg-type]
+
+
+def _mesh_files(robot: Any) -> Iterator[str]:
+    for link in robot.links:
+        for shape in (*link.visuals, *link.collisions):
+            if shape.geometry is not None and shape.geometry.mesh is not None:
+                yield str(shape.geometry.mesh.filename)
+
+
+def _own_package(folder: Path | None) -> tuple[Path, ...]:
+    """The folder of the package that a document in this folder belongs to."""
+    if folder is None:
+        return ()
+    marked = (above for above in (folder, *folder.parents) if _is_file(above / "package.xml"))
+    return (next(marked, folder.parent),)
+
+
+def _is_mesh(path: Path, inside: Sequence[Path]) -> bool:
+    """Tell whether a path without `..` is in one of the folders and a file called like a mesh, a link's target too."""
+    return (
+        any(path.is_relative_to(os.path.normpath(folder)) for folder in inside)
+        and path.suffix.lower() in MESH_SUFFIXES
+        and _is_file(path)
+        and path.resolve().suffix.lower() in MESH_SUFFIXES
+    )
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a name too long, a folder that may not be entered, a NUL
+        return False

@@ -1,0 +1,295 @@
+"""Strict reading of a URDF into checked data.
+
+Pinocchio never sees the file itself. It is given `UrdfDocument.to_xml()`: the links, joints and numbers that were
+read and checked here and nothing else, because its own reader leaves out what it cannot parse (a mass of "1,5", a
+ring of links, a second parent) and goes on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from copy import deepcopy
+from dataclasses import replace
+
+from lxml import etree
+
+from ..._common.suggestions import suggest
+from ...exceptions import ModelError
+from .repair import REPAIRS, mended
+from .strict_xml import (
+    MAX_NAME,
+    checked_name,
+    name_of,
+    non_negative_of,
+    number_of,
+    numbers_of,
+    only_child,
+    read_xml,
+    required_child,
+    text_of,
+)
+from .urdf_document import MOMENTS, MOVABLE, Inertial, Joint, Link, Mimic, UrdfDocument, listed
+from .wording import shortened
+
+MAX_LINKS = 1000
+"""Most links, and most joints, that are read: readers of URDF recurse over them."""
+
+LARGEST_ANGLE = 1e6
+"""Largest roll, pitch or yaw [rad]: a larger one has no digits left that mean a direction."""
+
+FARTHEST_LIMIT = 1e4
+"""Largest position limit that is one [rad or m]; larger ones (1e16 stands for "none" in SDF) are taken as not given."""
+
+_KINDS = (*MOVABLE, "fixed")
+_RESERVED = "universe"
+_NO_MOMENT = 1e-12  # kg·m²; smaller ones are rounding
+
+
+def parse_urdf(text: str, origin: str, repair: Collection[str] = ()) -> UrdfDocument:
+    """Read a URDF from text.
+
+    Args:
+        text: The XML text.
+        origin: Where the text came from, for errors.
+        repair: Names of the `REPAIRS` that may be made.
+
+    Returns:
+        The document; every number in it is finite, names are unique and the links form one tree.
+
+    Raises:
+        ModelError: What is wrong, in which element, what would be right, and which repair would mend it.
+    """
+    root = read_xml(text, origin)
+    if root.tag != "robot":
+        raise ModelError(
+            f"{origin} is no URDF: its root element is <{shortened(str(root.tag))}>, not <robot>"
+        )
+    given = deepcopy(root) if repair else root
+    made = mended(root, repair)
+    try:
+        return replace(_document(root), repairs=tuple(said for _, said in made))
+    except ModelError as error:
+        offer = _offered_repair(given, repair, str(error))
+        raise ModelError(f"{origin}: {error}{offer}") from None
+
+
+def _document(root: etree._Element) -> UrdfDocument:
+    """Read the links, joints and gravity of a <robot>, and check that they belong together."""
+    links, joints = root.findall("link"), root.findall("joint")
+    for kind, count in (("links", len(links)), ("joints", len(joints))):
+        if count > MAX_LINKS:
+            raise ModelError(f"{count} {kind}; at most {MAX_LINKS} are read")
+    gravity = root.find("rbimpedance/gravity")
+    document = UrdfDocument(
+        name=checked_name(root.get("name") or "robot", "<robot> name"),
+        links=tuple(_read_link(element) for element in links),
+        joints=tuple(_read_joint(element) for element in joints),
+        gravity=None if gravity is None else numbers_of(gravity, "xyz", 3, "<rbimpedance>"),
+        xml=str(etree.tostring(root, encoding="unicode")),
+    )
+    _check_names(document)
+    _check_tree(document)
+    _check_moments(document)
+    return document
+
+
+def _offered_repair(root: etree._Element, made: Collection[str], fault: str) -> str:
+    """Name the repair after which a fault is gone; empty where there is none."""
+    for kind in REPAIRS:
+        trial = deepcopy(root)
+        if kind in made or not mended(trial, (*made, kind)):
+            continue
+        try:
+            _document(trial)
+        except ModelError as error:
+            if str(error) == fault:
+                continue
+        return f'; repair="{kind}" mends this (--repair on the command line)'
+    return ""
+
+
+def _read_link(element: etree._Element) -> Link:
+    name = name_of(element)
+    where = f"link '{name}'"
+    inertial = only_child(element, "inertial", where)
+    return Link(name, None if inertial is None else _read_inertial(inertial, where))
+
+
+def _read_inertial(element: etree._Element, where: str) -> Inertial:
+    where = f"<inertial> of {where}"
+    mass = required_child(element, "mass", where)
+    inertia = required_child(element, "inertia", where)
+    kilograms = number_of(mass, "value", where)
+    if kilograms < 0.0:
+        raise ModelError(f"{where}: the mass {kilograms} is negative; it must be 0 or more")
+    return Inertial(
+        kilograms, *_pose(element, where), tuple(number_of(inertia, key, where) for key in MOMENTS)
+    )
+
+
+def _read_joint(element: etree._Element) -> Joint:
+    name = name_of(element)
+    where = f"joint '{name}'"
+    kind = element.get("type", "")
+    if kind not in _KINDS:
+        near = suggest(kind[:MAX_NAME], _KINDS)
+        raise ModelError(f"{where} has the unknown type '{shortened(kind)}'{near}")
+    parent, child = (
+        text_of(required_child(element, tag, where), "link", where) for tag in ("parent", "child")
+    )
+    axis: tuple[float, ...] = (1.0, 0.0, 0.0)
+    lower = upper = effort = velocity = damping = friction = 0.0
+    mimic = None
+    if kind != "fixed":
+        axis = _read_axis(element, where)
+        lower, upper, effort, velocity = _read_limit(element, kind, where)
+        damping, friction = _read_friction(element, where)
+        mimic = _read_mimic(element, where)
+    pose = _pose(element, where)
+    return Joint(
+        name,
+        kind,
+        parent,
+        child,
+        *pose,
+        axis,
+        lower,
+        upper,
+        effort,
+        velocity,
+        damping,
+        friction,
+        mimic,
+    )
+
+
+def _read_axis(element: etree._Element, where: str) -> tuple[float, ...]:
+    axis = only_child(element, "axis", where)
+    if axis is None:
+        return (1.0, 0.0, 0.0)
+    xyz = numbers_of(axis, "xyz", 3, where)
+    if not 1e-6 < math.hypot(*xyz) < 1e6:
+        raise ModelError(f"{where}: the axis {xyz} has no direction; give a unit vector")
+    return xyz
+
+
+def _read_limit(
+    element: etree._Element, kind: str, where: str
+) -> tuple[float, float, float, float]:
+    limit = only_child(element, "limit", where)
+    if limit is None:
+        if kind in ("revolute", "prismatic"):
+            raise ModelError(
+                f"{where} is {kind} and has no <limit>; add "
+                '<limit lower="..." upper="..." effort="..." velocity="..."/>'
+                + (' or make it type="continuous"' if kind == "revolute" else "")
+            )
+        return 0.0, 0.0, 0.0, 0.0
+    effort, velocity = (non_negative_of(limit, key, where) for key in ("effort", "velocity"))
+    if kind not in ("revolute", "prismatic"):
+        return 0.0, 0.0, effort, velocity
+    lower, upper = (number_of(limit, key, where, 0.0) for key in ("lower", "upper"))
+    if lower > upper:
+        raise ModelError(f"{where}: the lower limit {lower} is above the upper limit {upper}")
+    if lower > FARTHEST_LIMIT or upper < -FARTHEST_LIMIT:
+        raise ModelError(f"{where}: no joint gets between the limits {lower} and {upper}")
+    return (
+        -math.inf if lower < -FARTHEST_LIMIT else lower,
+        math.inf if upper > FARTHEST_LIMIT else upper,
+        effort,
+        velocity,
+    )
+
+
+def _read_friction(element: etree._Element, where: str) -> tuple[float, float]:
+    dynamics = only_child(element, "dynamics", where)
+    if dynamics is None:
+        return 0.0, 0.0
+    return non_negative_of(dynamics, "damping", where), non_negative_of(dynamics, "friction", where)
+
+
+def _read_mimic(element: etree._Element, where: str) -> Mimic | None:
+    mimic = only_child(element, "mimic", where)
+    if mimic is None:
+        return None
+    multiplier, offset = (
+        number_of(mimic, "multiplier", where, 1.0),
+        number_of(mimic, "offset", where, 0.0),
+    )
+    return Mimic(text_of(mimic, "joint", where), multiplier, offset)
+
+
+def _pose(element: etree._Element, where: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    origin = only_child(element, "origin", where)
+    zero = (0.0, 0.0, 0.0)
+    if origin is None:
+        return zero, zero
+    rpy = numbers_of(origin, "rpy", 3, where, zero)
+    if max(map(abs, rpy)) > LARGEST_ANGLE:
+        raise ModelError(f"{where}: <origin> rpy {rpy} are no angles; give them in rad")
+    return numbers_of(origin, "xyz", 3, where, zero), rpy
+
+
+def _check_names(document: UrdfDocument) -> None:
+    for kind, things in (("link", document.links), ("joint", document.joints)):
+        seen: set[str] = set()
+        for thing in things:
+            if thing.name in seen:
+                raise ModelError(f"two {kind}s are called '{thing.name}'; names must be unique")
+            if thing.name == _RESERVED:
+                raise ModelError(f"the {kind} name '{thing.name}' is reserved; rename it")
+            seen.add(thing.name)
+
+
+def _check_tree(document: UrdfDocument) -> None:
+    names = [link.name for link in document.links]
+    if not names:
+        raise ModelError("there is no <link>")
+    children: dict[str, list[str]] = {name: [] for name in names}
+    parents: dict[str, str] = {}
+    for joint in document.joints:
+        for end in (joint.parent, joint.child):
+            if end not in children:
+                known = suggest(end, names)
+                raise ModelError(
+                    f"joint '{joint.name}' refers to link '{end}', which is not there{known}"
+                )
+        if joint.child in parents:
+            raise ModelError(
+                f"link '{joint.child}' is the child of two joints, '{parents[joint.child]}' and '{joint.name}'; "
+                "a URDF is a tree"
+            )
+        parents[joint.child] = joint.name
+        children[joint.parent].append(joint.child)
+    _check_connected(children, [name for name in names if name not in parents])
+
+
+def _check_connected(children: Mapping[str, list[str]], roots: list[str]) -> None:
+    if len(roots) > 1:
+        raise ModelError(
+            f"the links {listed(roots)} have no parent joint; a robot has one root link"
+        )
+    reached: set[str] = set()
+    stack = list(roots)
+    while stack:
+        name = stack.pop()
+        reached.add(name)
+        stack.extend(children[name])
+    if lost := [name for name in children if name not in reached]:
+        raise ModelError(
+            f"the joints of the links {listed(lost)} run in a circle; a robot has one root link"
+        )
+
+
+def _check_moments(document: UrdfDocument) -> None:
+    """Refuse negative moments of inertia of links that move; what cannot move has no say in the dynamics."""
+    carriers = document.carriers()
+    for link in document.links:
+        if carriers[link.name] is not None and link.inertial is not None:
+            smallest, *_, largest = link.inertial.principal()
+            if smallest < -1e-9 * abs(largest) - _NO_MOMENT:
+                raise ModelError(
+                    f"link '{link.name}': its <inertia> has the negative principal moment {smallest:.3g} kg·m²; "
+                    "the matrix must be positive semi-definite"
+                )

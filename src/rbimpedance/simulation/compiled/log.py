@@ -1,0 +1,223 @@
+"""What a rollout leaves behind: chosen channels at every so many ticks, and figures of merit on the way."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..._common.arrays import Array
+from ..._numba.compile import fused, inline
+from ...control.compiled.block import (
+    CLIPPED,
+    E1,
+    E2,
+    FLAGS,
+    Q_R,
+    Q_R_SIN,
+    RATE_LIMITED,
+    SATURATED,
+    TAU,
+    S,
+)
+from ...robot.compiled.tables import CONTINUOUS, KIND, Q_INDEX, ArmTables
+from .plant import Motion
+
+
+class Journal(NamedTuple):
+    """Channels of `SimulationResult`; one that is not wanted has no rows.
+
+    Attributes:
+        q: Shape (samples, nq), and so q_r; all others (samples, nv).
+        v: Velocity.
+        q_r: Impedance reference.
+        e1: Position error.
+        e2: Velocity error.
+        e_im: Impedance error.
+        s: Sliding variable.
+        tau: Motor torque.
+        tau_ext: Torque of the environment.
+        saturated: 1 where the joint is at its torque limit.
+        rate_limited: 1 where its torque may not change faster.
+        clipped: 1 where its surface sees less than the whole error.
+        held: 0: what holds references back has no compiled form.
+        every: Ticks from one sample to the next, shape (1,).
+    """
+
+    q: Array
+    v: Array
+    q_r: Array
+    e1: Array
+    e2: Array
+    e_im: Array
+    s: Array
+    tau: Array
+    tau_ext: Array
+    saturated: NDArray[np.uint8]
+    rate_limited: NDArray[np.uint8]
+    clipped: NDArray[np.uint8]
+    held: NDArray[np.uint8]
+    every: NDArray[np.int64]
+
+
+class Figures(NamedTuple):
+    """Sums behind `SimulationResult.metrics`, kept up to date tick by tick.
+
+    Attributes:
+        table: One row a joint, shape (nv, `FIGURES`); no rows where no figures are wanted.
+        tolerances: Errors whose settling times are wanted, shape (3,).
+        after: First tick that enters all but the settling times, shape (1,).
+    """
+
+    table: Array
+    tolerances: Array
+    after: NDArray[np.int64]
+
+
+# Columns of `Figures.table`.
+LARGEST, SQUARES, LAST_OUTSIDE = 0, 3, 6  # 3 each: of e1, e2, e_im; of e1 for each tolerance
+PEAK, VARIATION, TAU_BEFORE = 9, 10, 11
+FIGURES = 12
+
+
+@fused
+def impedance_error(target: Array, block: Array, e3: Array, e_im: Array) -> None:
+    """Write e_im = M_d·e3 + D_d·e2 + K_d·e1 (paper, eq. 5).
+
+    Args:
+        target: M_d, D_d, K_d side by side: their diagonals, (nv, 3), or whole, (nv, 3·nv).
+        block: Of the tick.
+        e3: a_r - a, shape (nv,).
+        e_im: Where it goes, shape (nv,).
+    """
+    n = len(e3)
+    for i in range(n):
+        if target.shape[1] == 3:
+            e_im[i] = (
+                target[i, 0] * e3[i] + target[i, 1] * block[i, E2] + target[i, 2] * block[i, E1]
+            )
+        else:
+            e_im[i] = 0.0
+            for j in range(n):
+                e_im[i] += target[i, j] * e3[j]
+                e_im[i] += target[i, n + j] * block[j, E2] + target[i, 2 * n + j] * block[j, E1]
+
+
+@fused
+def write(
+    journal: Journal, arm: ArmTables, i: int, motion: Motion, block: Array, e_im: Array
+) -> None:
+    """Write one sample.
+
+    Args:
+        journal: Where to.
+        arm: The controller's arm.
+        i: Which sample it is.
+        motion: Of the plant.
+        block: Of the tick.
+        e_im: Impedance error.
+    """
+    _put_vector(journal.q, i, motion.q)
+    _put_vector(journal.v, i, motion.v)
+    _put_vector(journal.e_im, i, e_im)
+    _put_vector(journal.tau_ext, i, motion.tau_ext)
+    _put_column(journal.e1, i, block, E1)
+    _put_column(journal.e2, i, block, E2)
+    _put_column(journal.s, i, block, S)
+    _put_column(journal.tau, i, block, TAU)
+    if len(journal.q_r):
+        for j in range(len(block)):
+            k = arm.topology[j, Q_INDEX]
+            journal.q_r[i, k] = block[j, Q_R]
+            if arm.topology[j, KIND] == CONTINUOUS:
+                journal.q_r[i, k + 1] = block[j, Q_R_SIN]
+    _put_flag(journal.saturated, i, block, SATURATED)
+    _put_flag(journal.rate_limited, i, block, RATE_LIMITED)
+    _put_flag(journal.clipped, i, block, CLIPPED)
+    _put_flag(journal.held, i, block, 0)
+
+
+@inline
+def _put_vector(channel: Array, i: int, values: Array) -> None:
+    if len(channel):
+        for j in range(len(values)):
+            channel[i, j] = values[j]
+
+
+@inline
+def _put_column(channel: Array, i: int, block: Array, column: int) -> None:
+    if len(channel):
+        for j in range(len(block)):
+            channel[i, j] = block[j, column]
+
+
+@inline
+def _put_flag(channel: NDArray[np.uint8], i: int, block: Array, bit: int) -> None:
+    if len(channel):
+        for j in range(len(block)):
+            channel[i, j] = (np.int64(block[j, FLAGS]) & bit) != 0
+
+
+@fused
+def note(figures: Figures, k: int, block: Array, e_im: Array) -> None:
+    """Let tick k enter the figures of merit.
+
+    Args:
+        figures: The figures.
+        k: The tick.
+        block: Of the tick.
+        e_im: Impedance error.
+    """
+    table = figures.table
+    for j in range(len(table)):
+        e1, tau = block[j, E1], block[j, TAU]
+        for i in range(len(figures.tolerances)):
+            if abs(e1) > figures.tolerances[i]:
+                table[j, LAST_OUTSIDE + i] = k
+        if k < figures.after[0]:
+            continue
+        _note_size(table, j, 0, e1)
+        _note_size(table, j, 1, block[j, E2])
+        _note_size(table, j, 2, e_im[j])
+        table[j, PEAK] = max(table[j, PEAK], abs(tau))
+        if k > figures.after[0]:
+            table[j, VARIATION] += abs(tau - table[j, TAU_BEFORE])
+        table[j, TAU_BEFORE] = tau
+
+
+@inline
+def _note_size(table: Array, j: int, i: int, x: float) -> None:
+    table[j, LARGEST + i] = max(table[j, LARGEST + i], abs(x))
+    table[j, SQUARES + i] += x * x
+
+
+def empty_figures(nv: int, tolerances: Array, after: int) -> Figures:
+    """Return the figures before the first tick."""
+    table = np.zeros((nv, FIGURES))
+    table[:, LAST_OUTSIDE : LAST_OUTSIDE + 3] = -1.0
+    return Figures(table, np.asarray(tolerances, dtype=np.float64), np.array([after]))
+
+
+def no_figures() -> Figures:
+    """Return figures that are not kept."""
+    return Figures(np.zeros((0, FIGURES)), np.zeros(0), np.array([0]))
+
+
+def figures_of_merit(figures: Figures, ticks: int, dt: float) -> list[Array]:
+    """Return the figures after the last tick, in the order and with the meaning of `SimulationResult.metrics`.
+
+    Args:
+        figures: The sums.
+        ticks: Number of the last tick.
+        dt: Control period [s].
+    """
+    table, first = figures.table, int(figures.after[0])
+    means = table[:, SQUARES : SQUARES + 3] / (ticks + 1 - first)
+    merits = []
+    for i in range(3):
+        merits += [table[:, LARGEST + i], np.sqrt(means[:, i])]
+    for i in range(len(figures.tolerances)):
+        last = table[:, LAST_OUTSIDE + i]
+        merits.append(np.where(last == ticks, np.inf, (last + 1.0) * dt))
+    return [*merits, table[:, PEAK], table[:, VARIATION] / ((ticks - first) * dt)]

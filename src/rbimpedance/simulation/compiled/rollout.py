@@ -1,0 +1,273 @@
+"""The closed loop as one compiled function: tick, log, physics steps, tick by tick over a block of ticks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+from numba.np.numpy_support import from_dtype
+from numpy.typing import NDArray
+
+from ..._common.arrays import Array
+from ..._numba.array_arguments import Borrowed
+from ..._numba.compile import fused, kernel
+from ...control.compiled.block import A_R, TAU
+from ...control.compiled.kernels import Law, Measured, Scratch
+from ...control.compiled.limits import within_limits
+from ...control.compiled.tick import EXCEEDED, after_torque, before_torque, is_sound, model_torque
+from ...robot.compiled import rigid_body
+from ...robot.compiled.tables import ArmTables, Workspace
+from .environment import Environment
+from .log import Figures, Journal, impedance_error, note, write
+from .plant import (
+    Motion,
+    Plant,
+    Stages,
+    accelerated,
+    damp,
+    euler_step,
+    pushed,
+    runge_kutta_step,
+    undamp,
+)
+
+FINISHED, UNSOUND, DIVERGED = 0, 1, 2
+"""How a block of ticks ended: at its end; at inputs that no controller takes; at a joint that left every range."""
+
+SEMI_IMPLICIT, STIFF, RUNGE_KUTTA = 0, 1, 2
+"""Semi-implicit Euler; the same with friction taken at the step's end; the classical Runge-Kutta method."""
+
+# Entries of `Clock.ticks`.
+FIRST, END, LAST, SUBSTEPS, INTEGRATOR = 0, 1, 2, 3, 4
+
+# Entries of `Clock.outcome`.
+TICK, JOINT = 0, 1
+
+
+class Controlled(NamedTuple):
+    """The controller.
+
+    Attributes:
+        arm: Its model of the arm.
+        law: Its law.
+        target: M_d, D_d, K_d; see `journal.impedance_error`.
+    """
+
+    arm: ArmTables
+    law: Law
+    target: Array
+
+
+class Memory(NamedTuple):
+    """What goes on from one block of ticks to the next.
+
+    Attributes:
+        motion: Of the plant.
+        even: Block of the tick before an even one, shape (nv, `output.COLUMNS`).
+        odd: Of the one before an odd one.
+    """
+
+    motion: Motion
+    even: Array
+    odd: Array
+
+
+class Desk(NamedTuple):
+    """Work space: nothing in it outlives a tick.
+
+    Attributes:
+        scratch: Of the tick.
+        control: Of the controller's recursions.
+        plant: Of the plant's.
+        stages: Of the Runge-Kutta method.
+        q_d: Reference of the tick, shape (nq,).
+        v_d: Its velocity, shape (nv,).
+        a_d: Its acceleration, shape (nv,).
+        e_im: Impedance error, shape (nv,).
+    """
+
+    scratch: Scratch
+    control: Workspace
+    plant: Workspace
+    stages: Stages
+    q_d: Array
+    v_d: Array
+    a_d: Array
+    e_im: Array
+
+
+class Wish(NamedTuple):
+    """The trajectory, sampled: one row for each tick of the block, or one for all.
+
+    Attributes:
+        q: Shape (·, nq).
+        v: Shape (·, nv).
+        a: Shape (·, nv).
+    """
+
+    q: Array
+    v: Array
+    a: Array
+
+
+class Clock(NamedTuple):
+    """Which ticks to do, and how.
+
+    Attributes:
+        ticks: First tick, end of the block, last tick of the run, physics steps in a period, integrator; shape (5,).
+        step: Length of a physics step [s], and the speed at which a joint has diverged, shape (2,).
+        outcome: Tick and joint at which the block ended early, shape (2,).
+    """
+
+    ticks: NDArray[np.int64]
+    step: Array
+    outcome: NDArray[np.int64]
+
+
+def _rollout(
+    controlled: Controlled,
+    plant: Plant,
+    environment: Environment,
+    wish: Wish,
+    memory: Memory,
+    desk: Desk,
+    clock: Clock,
+    journal: Journal,
+    figures: Figures,
+) -> int:
+    """Do the ticks from `FIRST` to before `END`, each with the period after it, which the last one does not have."""
+    ticks, motion = clock.ticks, memory.motion
+    stages = 3 if ticks[INTEGRATOR] == RUNGE_KUTTA else 1
+    rows = stages * ticks[SUBSTEPS]
+    for k in range(ticks[FIRST], ticks[END]):
+        row = (k - ticks[FIRST]) * rows
+        is_even = k % 2 == 0
+        state = memory.even if is_even else memory.odd
+        block = memory.odd if is_even else memory.even
+        take_reference(wish, k - ticks[FIRST], desk)
+        pushed(plant, desk.plant, environment, row, motion.q, motion)
+        if not _tick(controlled, desk, motion, state, block):
+            clock.outcome[TICK] = k
+            return UNSOUND
+        accelerated(plant, desk.plant, motion)
+        record(controlled, desk, motion, k, block, journal, figures)
+        if k == ticks[LAST]:
+            break
+        for i in range(ticks[SUBSTEPS]):
+            _physics_step(plant, environment, desk, clock, row + i * stages, i == 0, motion)
+            joint = runaway(motion.v, clock.step[1])
+            if joint >= 0:
+                clock.outcome[TICK], clock.outcome[JOINT] = k, joint
+                return DIVERGED
+    return FINISHED
+
+
+@fused
+def take_reference(wish: Wish, i: int, desk: Desk) -> None:
+    """Write the reference of the i-th tick of a block to the desk."""
+    i = min(i, len(wish.q) - 1)
+    for j in range(len(desk.q_d)):
+        desk.q_d[j] = wish.q[i, j]
+    for j in range(len(desk.v_d)):
+        desk.v_d[j], desk.a_d[j] = wish.v[i, j], wish.a[i, j]
+
+
+@fused
+def _tick(controlled: Controlled, desk: Desk, motion: Motion, state: Array, block: Array) -> bool:
+    """One tick of the controller, told the truth; whether its inputs were sound."""
+    arm, law, work = controlled.arm, controlled.law, desk.scratch
+    given = Measured(motion.q, motion.v, desk.q_d, desk.v_d, desk.a_d, motion.tau_ext)
+    if not is_sound(arm, given):
+        return False
+    before_torque(arm, law, work, state, given, block)
+    model_torque(arm, desk.control, law, work, given)
+    if after_torque(arm, law, work.torque, motion.v, motion.tau_ext, state, block) == EXCEEDED:
+        rigid_body.mass_matrix(arm, desk.control, work.mass)
+        within_limits(law, work, state, block)
+    for j in range(len(motion.tau)):
+        motion.tau[j] = block[j, TAU]
+    return True
+
+
+@fused
+def record(
+    controlled: Controlled,
+    desk: Desk,
+    motion: Motion,
+    k: int,
+    block: Array,
+    journal: Journal,
+    figures: Figures,
+) -> None:
+    """Write a tick to the journal and the figures of merit."""
+    e3, e_im = desk.v_d, desk.e_im  # the reference has done its work
+    for j in range(len(e3)):
+        e3[j] = block[j, A_R] - motion.a[j]
+    impedance_error(controlled.target, block, e3, e_im)
+    if k % journal.every[0] == 0:
+        write(journal, controlled.arm, k // journal.every[0], motion, block, e_im)
+    if len(figures.table):
+        note(figures, k, block, e_im)
+
+
+@fused
+def _physics_step(
+    plant: Plant,
+    environment: Environment,
+    desk: Desk,
+    clock: Clock,
+    row: int,
+    is_first: bool,
+    motion: Motion,
+) -> None:
+    """One step of the plant; the acceleration at the first one of a period is known from the tick."""
+    h, integrator = clock.step[0], clock.ticks[INTEGRATOR]
+    if not is_first:
+        pushed(plant, desk.plant, environment, row, motion.q, motion)
+    if integrator == STIFF:
+        damp(plant, motion.v, h)
+        accelerated(plant, desk.plant, motion)
+        undamp(plant)
+    elif not is_first:
+        accelerated(plant, desk.plant, motion)
+    if integrator == RUNGE_KUTTA:
+        runge_kutta_step(plant, desk.plant, environment, desk.stages, row, motion, h)
+    else:
+        euler_step(plant, motion, h)
+
+
+@fused
+def runaway(v: Array, bound: float) -> int:
+    """The joint that is fastest, where one is beyond the bound, or the first that is NaN; else -1."""
+    fastest, joint = bound, -1
+    for j in range(len(v)):
+        speed = abs(v[j])
+        if not speed < fastest:
+            fastest, joint = speed, j
+            if speed != speed:
+                return j
+    return joint
+
+
+_ROLLOUT: list[Callable[..., Any]] = []
+
+
+def rollout(arguments: tuple[Any, ...]) -> Callable[..., Any]:
+    """Compile the rollout, or load it from the disk; it runs without the interpreter's lock.
+
+    Args:
+        arguments: Those of a call; the next one is of the same types.
+    """
+    if not _ROLLOUT:
+        kinds = tuple(own_type(argument) for argument in arguments)
+        _ROLLOUT.append(kernel(_rollout, kinds, nogil=True))
+    return _ROLLOUT[0]
+
+
+def own_type(value: Any) -> types.Type:
+    """Return the type of an array that the package itself has made, or of a named tuple of such."""
+    if isinstance(value, np.ndarray):
+        return Borrowed(from_dtype(value.dtype), value.ndim, trusted=True)
+    return types.NamedTuple([own_type(part) for part in value], type(value))

@@ -1,0 +1,232 @@
+"""One closed loop in compiled form: a controller, a plant, what pushes on it, and where it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from ..._common.arrays import Array
+from ...control.compiled.block import COLUMNS
+from ...control.compiled.kernels import DT
+from ...control.compiled.pack import can_pack, pack_law, scratch
+from ...control.telemetry import FLAGS
+from ...interaction import Interaction
+from ...law.impedance import ImpedanceFilter
+from ...robot.arm_model import ArmModel
+from ...robot.compiled.tables import ArmTables, workspace
+from ...trajectories import Reference
+from .environment_tables import Drive, Surroundings, can_sample
+from .log import Figures, Journal, no_figures
+from .pinocchio_loop import Between
+from .plant import Motion, Plant, Stages
+from .rollout import (
+    DIVERGED,
+    FINISHED,
+    RUNGE_KUTTA,
+    SEMI_IMPLICIT,
+    STIFF,
+    UNSOUND,
+    Clock,
+    Controlled,
+    Desk,
+    Memory,
+    Wish,
+    rollout,
+)
+
+STEPS_AT_ONCE = 4096
+"""Physics steps in a block: between two of them the interpreter gets its turn, a few milliseconds apart."""
+
+Ending = Literal["finished", "unsound", "diverged"]
+_ENDINGS: dict[int, Ending] = {FINISHED: "finished", UNSOUND: "unsound", DIVERGED: "diverged"}
+
+
+class Outcome(NamedTuple):
+    """How a block of ticks ended.
+
+    Attributes:
+        ending: At its end; at inputs that no controller takes; or at a joint that left every range.
+        tick: The tick at which it ended early.
+        joint: The joint that left.
+    """
+
+    ending: Ending
+    tick: int
+    joint: int
+
+
+class Settings(NamedTuple):
+    """How the plant is stepped.
+
+    Attributes:
+        ticks: Number of the last tick.
+        substeps: Physics steps in a period.
+        integrator: "semi-implicit", "stiff" for the same with friction taken at the step's end, or "rk4".
+        speed_bound: Speed at which a joint has diverged [rad/s or m/s].
+    """
+
+    ticks: int
+    substeps: int
+    integrator: Literal["semi-implicit", "stiff", "rk4"]
+    speed_bound: float
+
+    def blocks(self) -> list[range]:
+        """Return the ticks in blocks of about `STEPS_AT_ONCE` physics steps."""
+        size, end = max(STEPS_AT_ONCE // self.substeps, 1), self.ticks + 1
+        return [range(start, min(start + size, end)) for start in range(0, end, size)]
+
+
+_INTEGRATORS = {"semi-implicit": SEMI_IMPLICIT, "stiff": STIFF, "rk4": RUNGE_KUTTA}
+
+
+class World:
+    """A closed loop under way; `desk` gives the work space that `run` needs.
+
+    Args:
+        controlled: The controller.
+        plant: The simulated arm.
+        tables: Its tables.
+        interaction: What pushes on it; one that `reason_against_parts` has nothing against.
+        q: Configuration, shape (nq,); taken over.
+        v: Velocity, shape (nv,); taken over.
+        settings: How the plant is stepped.
+
+    Raises:
+        ModelError: The environment acts at a frame that the arm does not have.
+    """
+
+    def __init__(
+        self,
+        controlled: Controlled,
+        plant: ArmModel,
+        tables: ArmTables,
+        interaction: Interaction,
+        q: Array,
+        v: Array,
+        settings: Settings,
+    ) -> None:
+        nv = plant.nv
+        self.controlled = controlled
+        own = tables._replace(joints=tables.joints.copy())
+        self.plant = Plant(own, np.array(plant.armature))
+        self.surroundings = Surroundings(interaction, plant)
+        motion = Motion(q, v, *np.zeros((3, nv)))
+        self.memory = Memory(motion, np.zeros((nv, COLUMNS)), np.zeros((nv, COLUMNS)))
+        self.settings, self.dt = settings, float(controlled.law.gains[0, DT])
+
+    def times(self, block: range) -> Array:
+        """Return the times in a block at which the plant asks what pushes on it."""
+        h = self.dt / self.settings.substeps
+        ticks = np.arange(block.start, block.stop)[:, None] * self.dt
+        times = (ticks + np.arange(self.settings.substeps) * h).ravel()
+        if self.settings.integrator == "rk4":
+            times = (times[:, None] + np.array([0.0, h / 2.0, h])).ravel()
+        if block.stop == self.settings.ticks + 1:  # no period after the last tick
+            times = times[: 1 + (len(block) - 1) * len(times) // len(block)]
+        return times
+
+    def clock(self, block: range) -> Clock:
+        """Return what a kernel needs to know of the ticks of a block."""
+        settings = self.settings
+        integrator = _INTEGRATORS[settings.integrator]
+        return Clock(
+            np.array([block.start, block.stop, settings.ticks, settings.substeps, integrator]),
+            np.array([self.dt / settings.substeps, settings.speed_bound]),
+            np.zeros(2, dtype=np.int64),
+        )
+
+    def between(
+        self, block: range, reference: Reference, drive: Drive, desk: Desk, journal: Journal
+    ) -> Between:
+        """Return what the kernels between Pinocchio's algorithms need for a block; see `run`."""
+        environment, motion = self.surroundings.driven(drive), self.memory.motion
+        return Between(
+            self.controlled, self.plant, environment, Wish(*reference), motion, desk,
+            self.clock(block), journal, no_figures(), self.memory.even, np.zeros(len(motion.v)),
+        )  # fmt: skip
+
+    def run(
+        self,
+        block: range,
+        reference: Reference,
+        drive: Drive,
+        desk: Desk,
+        journal: Journal,
+        figures: Figures | None = None,
+    ) -> Outcome:
+        """Do a block of ticks, without the interpreter's lock.
+
+        Args:
+            block: The ticks.
+            reference: Desired motion at each: checked arrays of one row a tick, or of one row for all.
+            drive: What of the environment depends on time, at `times`.
+            desk: Work space; two threads must not share one.
+            journal: Where the channels go.
+            figures: Where the figures of merit go.
+        """
+        clock = self.clock(block)
+        arguments = (
+            self.controlled, self.plant, self.surroundings.driven(drive), Wish(*reference),
+            self.memory, desk, clock, journal, no_figures() if figures is None else figures,
+        )  # fmt: skip
+        status = rollout(arguments)(*arguments)
+        tick, joint = clock.outcome.tolist()
+        return Outcome(_ENDINGS[status], tick, joint)
+
+
+def controlled(controller: Any, tables: ArmTables) -> Controlled:
+    """Return an `ImpedanceController` as tables.
+
+    Args:
+        controller: One that `reason_against_parts` has nothing against.
+        tables: Those of its arm.
+    """
+    arm, own = controller.arm, controller._filter
+    law = pack_law(
+        arm.nv, controller.dt, own, controller.surface, controller.reaching, controller.limits,
+        controller.knowledge,
+    )  # fmt: skip
+    return Controlled(tables, law, _target(own, arm.nv))
+
+
+def _target(impedance_filter: ImpedanceFilter, nv: int) -> Array:
+    """M_d, D_d and K_d side by side, diagonals only where that is all."""
+    rest, unit, zero = np.zeros(nv), np.eye(nv), np.zeros((nv, nv))
+    errors = ((zero, zero, unit), (zero, unit, zero), (unit, zero, zero))
+    matrices = [impedance_filter.error(*error, rest, rest) for error in errors]  # M_d, D_d, K_d
+    if all(np.array_equal(A, np.diag(np.diag(A))) for A in matrices):
+        return np.column_stack([np.diag(A) for A in matrices])
+    return np.hstack(matrices)
+
+
+def desk(nq: int, nv: int) -> Desk:
+    """Return work space for arms of this size."""
+    stages = Stages(np.zeros(nq), *np.zeros((3, nv)))
+    return Desk(scratch(nv), workspace(nv), workspace(nv), stages, np.zeros(nq), *np.zeros((3, nv)))
+
+
+def journal(channels: Mapping[str, Array], every: int = 1) -> Journal:
+    """Return a journal that writes to the given arrays.
+
+    Args:
+        channels: Arrays (samples, nq or nv) by name of the channel; what is missing is not written.
+        every: Ticks from one sample to the next.
+    """
+    arrays: dict[str, Any] = {name: np.zeros((0, 1)) for name in Journal._fields}
+    arrays |= {name: np.zeros((0, 1), dtype=np.bool_) for name in FLAGS} | dict(channels)
+    arrays |= {name: arrays[name].view(np.uint8) for name in FLAGS} | {"every": np.array([every])}
+    return Journal(**arrays)
+
+
+def reason_against_parts(controller: Any, interaction: Interaction) -> str | None:
+    """Return what of a loop has no compiled form, in words, or None."""
+    if not can_sample(interaction):
+        return f"an interaction of the user's own ({type(interaction).__name__})"
+    if type(controller._filter) is not ImpedanceFilter:
+        return f"a target that is not linear ({type(controller.impedance).__name__})"
+    if not can_pack(controller.surface, controller.reaching):
+        surface, reaching = type(controller.surface).__name__, type(controller.reaching).__name__
+        return f"{surface} with {reaching}"
+    return None

@@ -1,0 +1,232 @@
+"""Links behind drives that lag, ripple and yield: torque dynamics, torque ripple, and two masses to a joint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..._common.arrays import Array, BoolArray, not_negative
+from ..._common.frozen import set_fields
+from ...exceptions import GainError
+from ...interaction import Interaction
+from ...robot.arm_model import ArmModel
+from .elasticity import check_step, refuse_at, stiffness_of_joints, usual_damping, whole
+from .protocol import Motion, Plant
+from .rigid import RigidPlant
+
+EncoderSide: TypeAlias = Literal["motor", "link"]
+"""What the encoders are on."""
+
+
+class DrivenState(NamedTuple):
+    """How links and rotors move, and what the motors give; arrays have shape (nv,).
+
+    Attributes:
+        links: State of the links.
+        torque: Torque of the motors behind their lag [N·m or N].
+        delta: How far the rotors are ahead of the links [rad or m].
+        rotor_velocity: Of the rotors, on the joints' side of the gears [rad/s or m/s].
+    """
+
+    links: Any
+    torque: Array
+    delta: Array
+    rotor_velocity: Array
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class DrivenPlant:
+    """Links behind drives: motors whose torque lags and ripples, on rotors that turn the links through springs.
+
+    Per joint, with everything reflected to the joint's side of the gear:
+
+        T·d(tau_m)/dt = tau - tau_m,
+        tau_a = tau_m·(1 + ripple·sin(n·θ)) + cogging·sin(n·θ),        B·θ̈ = tau_a - K·δ - D·δ̇,
+        M a + bias = K·δ + D·δ̇ + tau_ext,        δ = θ (-) q,
+
+    the flexible joint of Spong (1987): the rotors' kinetic energy is that of their own spin. The lag is stepped exactly
+    for a held tau, the two masses by semi-implicit Euler, whose energy neither grows nor decays. With everything at
+    its default a drive is perfect, and the plant is that of its links. The friction of the arm acts on the links, at
+    the end of a step. A run begins with the drives holding the links against gravity.
+
+    Attributes:
+        links: What is behind the drives: another plant; an `ArmModel` becomes a `RigidPlant`.
+        time_constant: Of the torque, T, shape (nv,) [s].
+        ripple: Amplitude of the torque's ripple relative to the torque, shape (nv,).
+        cogging: Amplitude of the ripple that is there without torque, shape (nv,) [N·m or N].
+        ripple_periods: Of both to a turn of the joint (to 2π m of a slide), whole numbers n, shape (nv,); 200, which
+            is twice for every turn of a motor with a gear of 100:1, by default.
+        stiffness: Of the spring in the joint, K, shape (nv,) [N·m/rad or N/m]; +inf where the joint is rigid.
+        damping: Of that spring, D, shape (nv,) [N·m·s/rad or N·s/m]; by default 5 % of what is critical for the joint
+            alone at `arm.neutral`.
+        rotor_inertia: B, shape (nv,) [kg·m² or kg]; by default the arm's armature. Where a joint is elastic it is taken
+            off the links, whose armature is 0 then; where it is rigid it stays on them.
+        encoders: Whether they are on the rotor ("motor", as in most arms) or on the link.
+
+    Args:
+        links: An arm, or a plant whose arm has armature 0 where a joint is elastic.
+        time_constant: Scalar or (nv,), at least 0.
+        ripple: Scalar or (nv,), at least 0.
+        cogging: Scalar or (nv,), at least 0.
+        ripple_periods: Scalar or (nv,).
+        stiffness: Scalar or (nv,), positive.
+        damping: Scalar or (nv,), at least 0.
+        rotor_inertia: Scalar or (nv,), positive where a joint is elastic.
+        encoders: "motor" or "link".
+
+    Raises:
+        GainError: A parameter outside of these sets; an elastic joint without a rotor, or with armature on a plant.
+        DimensionError: One that is given for another number of joints.
+    """
+
+    links: Plant[Any]
+    time_constant: Array
+    ripple: Array
+    cogging: Array
+    ripple_periods: Array
+    stiffness: Array
+    damping: Array
+    rotor_inertia: Array
+    encoders: EncoderSide
+
+    def __init__(
+        self,
+        links: ArmModel | Plant[Any],
+        *,
+        time_constant: ArrayLike = 0.0,
+        ripple: ArrayLike = 0.0,
+        cogging: ArrayLike = 0.0,
+        ripple_periods: ArrayLike = 200,
+        stiffness: ArrayLike = np.inf,
+        damping: ArrayLike | None = None,
+        rotor_inertia: ArrayLike | None = None,
+        encoders: EncoderSide = "motor",
+    ) -> None:
+        if not isinstance(links, ArmModel | Plant):
+            raise GainError("links", links, "an ArmModel or a Plant")
+        arm = links if isinstance(links, ArmModel) else links.arm
+        if encoders not in ("motor", "link"):
+            raise GainError("encoders", encoders, '"motor" or "link"')
+        inertia = arm.armature if rotor_inertia is None else rotor_inertia
+        set_fields(
+            self,
+            time_constant=not_negative("time_constant", time_constant, arm.nv),
+            ripple=not_negative("ripple", ripple, arm.nv),
+            cogging=not_negative("cogging", cogging, arm.nv),
+            ripple_periods=whole("ripple_periods", ripple_periods, arm.nv),
+            stiffness=stiffness_of_joints(stiffness, arm.nv),
+            rotor_inertia=not_negative("rotor_inertia", inertia, arm.nv),
+            encoders=encoders,
+        )
+        set_fields(self, links=self._behind_springs(links))
+        usual = usual_damping(self.arm, self.stiffness, self.rotor_inertia)
+        set_fields(
+            self,
+            damping=not_negative("damping", usual if damping is None else damping, arm.nv),
+        )
+
+    # --- a plant ------------------------------------------------------------------------------------------------
+
+    @property
+    def arm(self) -> ArmModel:
+        """The links, without the rotors of elastic joints."""
+        return self.links.arm
+
+    @property
+    def elastic(self) -> BoolArray:
+        """Which joints have a spring, shape (nv,)."""
+        return np.isfinite(self.stiffness)
+
+    def begin(self, q: Array, v: Array, h: float) -> DrivenState:
+        """Return the state at the start of a run: rotors and links as fast, springs and motors carrying the links.
+
+        Raises:
+            GainError: h is too long for the stiffest spring; names the joint, and how many times the substeps it needs.
+        """
+        check_step(self.arm, self.stiffness, self.damping, self.rotor_inertia, q, h)
+        torque = self.arm.unchecked.bias(q, np.zeros(self.arm.nv))
+        links = self.links.begin(q, v, h)
+        return DrivenState(links, torque, torque / self.stiffness, np.array(v))
+
+    def motion(self, state: DrivenState) -> Motion:
+        """Return how the links move; see `Plant.motion`."""
+        return self.links.motion(state.links)
+
+    def measured(self, state: DrivenState) -> Motion:
+        """Return how the rotors move, or what the links' plant tells where the encoders are on the links."""
+        if self.encoders == "link" or not self.elastic.any():
+            return self.links.measured(state.links)
+        q, _ = self.links.motion(state.links)
+        return Motion(self.arm.unchecked.integrate(q, state.delta), state.rotor_velocity)
+
+    def external_torque(self, state: DrivenState, environment: Interaction, t: float) -> Array:
+        """Return what the world does to the links; see `Plant.external_torque`."""
+        return self.links.external_torque(state.links, environment, t)
+
+    def acceleration(self, state: DrivenState, tau: Array, tau_ext: Array) -> Array:
+        """Return the acceleration of the links under what drives and springs give now; see `Plant.acceleration`."""
+        now = np.where(self.time_constant > 0.0, state.torque, tau)
+        transmitted = self._transmitted(state, self._rippled(state, now))
+        return self.links.acceleration(state.links, transmitted, tau_ext)
+
+    def step(
+        self, state: DrivenState, tau: Array, environment: Interaction, t: float, h: float
+    ) -> DrivenState:
+        """Return the state after one step: forces of its beginning, then velocities, then positions."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            mean, torque = self._lagged(state.torque, tau, h)
+            motor = self._rippled(state, mean)
+            transmitted = self._transmitted(state, motor)
+            links = self.links.step(state.links, transmitted, environment, t, h)
+            q, _ = self.links.motion(state.links)
+            q_next, v_next = self.links.motion(links)
+            elastic, B = self.elastic, self.rotor_inertia
+            rate = np.divide(motor - transmitted, B, out=np.zeros_like(motor), where=elastic)
+            rotor_velocity = np.where(elastic, state.rotor_velocity + h * rate, v_next)
+            moved = self.arm.unchecked.difference(q, q_next)
+            delta = np.where(elastic, state.delta + h * rotor_velocity - moved, 0.0)
+        return DrivenState(links, torque, delta, rotor_velocity)
+
+    # --- a drive ------------------------------------------------------------------------------------------------
+
+    def _lagged(self, torque: Array, tau: Array, h: float) -> tuple[Array, Array]:
+        """Torque behind the lag, its mean over a step under a held tau and its value at the end."""
+        T = self.time_constant
+        steps = np.divide(h, T, out=np.full_like(T, np.inf), where=T > 0.0)
+        decay, behind = np.exp(-steps), torque - tau
+        return tau + behind * (1.0 - decay) / steps, tau + behind * decay
+
+    def _rippled(self, state: DrivenState, torque: Array) -> Array:
+        """Torque on the rotors, with ripple and cogging."""
+        if not (self.ripple.any() or self.cogging.any()):
+            return torque
+        q, _ = self.links.motion(state.links)
+        angle = self.arm.unchecked.difference(self.arm.neutral, q) + state.delta
+        wave = np.sin(self.ripple_periods * angle)
+        rippled: Array = torque + (torque * self.ripple + self.cogging) * wave
+        return rippled
+
+    def _transmitted(self, state: DrivenState, motor: Array) -> Array:
+        """Torque on the links: K·δ + D·δ̇ of the springs, the motor's where the joint is rigid."""
+        if not self.elastic.any():
+            return motor
+        _, v = self.links.motion(state.links)
+        K = np.where(self.elastic, self.stiffness, 0.0)
+        spring = K * state.delta + self.damping * (state.rotor_velocity - v)
+        return np.where(self.elastic, spring, motor)
+
+    def _behind_springs(self, links: ArmModel | Plant[Any]) -> Plant[Any]:
+        """The links without the rotors of elastic joints; an error where rotors are missing or counted twice."""
+        elastic, B = self.elastic, self.rotor_inertia
+        arm = links if isinstance(links, ArmModel) else links.arm
+        refuse_at(arm, elastic & (B <= 0.0), "rotor_inertia", B, "positive")
+        if isinstance(links, ArmModel):
+            has_friction = bool(arm.viscous.any() or arm.coulomb.any())
+            return RigidPlant(
+                arm.with_armature(np.where(elastic, 0.0, B)), friction_at_end=has_friction
+            )
+        refuse_at(arm, elastic & (arm.armature > 0.0), "armature of the links", arm.armature, "0")
+        return links

@@ -1,0 +1,74 @@
+"""Sensors and observers, run along a result."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .._common.arrays import Array
+from ..exceptions import DimensionError
+from ..interaction import Sensor
+from ..interaction.observers import SuperTwistingDisturbanceObserver
+from ..law.super_twisting import SuperTwisting
+from ..robot.arm_model import ArmModel
+from ..robot.knowledge import Knowledge
+from .result import SimulationResult
+
+
+def sense(result: SimulationResult, sensor: Sensor[Any]) -> Array:
+    """Return what a sensor tells along a run, shape (N, nv) [N·m or N].
+
+    Sensors are pure: for the sensor that the run was made with, this is exactly what its controller was told.
+
+    Args:
+        result: The run.
+        sensor: The sensor.
+
+    Raises:
+        DimensionError: The run is of an arm with another number of joints than the sensor's.
+    """
+    arm = getattr(sensor, "arm", None)
+    if isinstance(arm, ArmModel) and arm.nv != result.v.shape[1]:
+        raise DimensionError("result", f"a run with nv = {arm.nv}", f"v of shape {result.v.shape}")
+    held = np.vstack([np.zeros_like(result.tau[:1]), result.tau[:-1]])
+    state, told = sensor.init(), np.empty_like(result.tau)
+    for k, sample in enumerate(zip(result.q, result.v, held, result.tau_ext, strict=True)):
+        told[k], state = sensor.step(state, *sample)
+    return told
+
+
+def observe(
+    result: SimulationResult,
+    arm: ArmModel,
+    reaching: SuperTwisting,
+    *,
+    knowledge: Knowledge = "full",
+) -> Array:
+    """Return the disturbance torque along a run, as the observer saw it.
+
+    Args:
+        result: The run.
+        arm: The model that the disturbance is measured against: the controller's, say.
+        reaching: Gains and scheme; see `SuperTwistingDisturbanceObserver`.
+        knowledge: "full", or "mass" for a model of M(q) alone.
+
+    Returns:
+        w at every sample of the run, shape (N, nv) [N·m or N].
+
+    Raises:
+        DimensionError: The run is of an arm with another number of joints, or shorter than two ticks.
+        GainError: An unknown `knowledge`.
+    """
+    if len(result.t) < 2 or result.v.shape[1] != arm.nv:
+        expected = f"a run of at least two samples with nv = {arm.nv}"
+        raise DimensionError("result", expected, f"v of shape {result.v.shape}")
+    dt = float(result.t[1] - result.t[0])
+    observer = SuperTwistingDisturbanceObserver(arm, reaching, dt, knowledge=knowledge)
+    state = observer.init()
+    held = np.vstack([np.zeros(arm.nv), result.tau[:-1]])
+    w = np.empty_like(result.v)
+    for k, sample in enumerate(zip(result.q, result.v, held, result.tau_ext, strict=True)):
+        estimate, state = observer.step(state, *sample)
+        w[k] = estimate.w
+    return w

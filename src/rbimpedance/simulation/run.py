@@ -1,0 +1,166 @@
+"""The closed loop: a controller at its period, a plant of its own by ABA in between, and the log of both."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._common.arrays import positive_number, vector
+from ..control.protocol import Backend, Controller
+from ..exceptions import GainError
+from ..interaction import EnvironmentLike, Perfect, Sensor, as_interaction
+from ..robot.arm_model import ArmModel
+from ..trajectories import Trajectory
+from .checkpoint import Checkpoint
+from .closed_loop import ClosedLoop, OnTick, run
+from .fused_run import run_fused
+from .plants import Plant
+from .plants.integrators import INTEGRATORS, Integrator
+from .result import SimulationResult
+from .rollout import run_compiled
+
+
+def simulate(
+    controller: Controller[Any],
+    plant: ArmModel | Plant[Any],
+    trajectory: Trajectory,
+    *,
+    wrench: EnvironmentLike | None = None,
+    sensor: Sensor[Any] | None = None,
+    q0: ArrayLike | None = None,
+    v0: ArrayLike | None = None,
+    duration: float,
+    substeps: int = 4,
+    integrator: Integrator = "semi-implicit",
+    backend: Backend = "pinocchio",
+    on_tick: OnTick | None = None,
+    checkpoint: Checkpoint | None = None,
+) -> SimulationResult:
+    """Run a controller against a plant.
+
+    At t = k·dt the controller sees the plant's state and the torque of the environment, and its torque is then held
+    for one period, in which the plant takes `substeps` steps; the environment acts at every one of them.
+
+    Args:
+        controller: Any object with `arm`, `dt`, `init`, `step` and `impedance_error`.
+        plant: The arm that is simulated; give it what the controller does not know. It is copied: controller and
+            plant never share a model. Rigid links by Pinocchio's ABA; or another `Plant`, run in Python.
+        trajectory: Desired motion as a function of time.
+        wrench: Environment: None, an `Interaction` (`FrameWrench`, `JointTorque`, ...), or a wrench (6,) at the tool
+            frame in world axes, constant or as a function of time.
+        sensor: What tells the controller the environment's torque: late, filtered, or estimated without a force sensor.
+            The truth by default. The result logs the truth; `sense` gives what was told.
+        q0: Initial configuration, shape (nq,); `plant.neutral` by default.
+        v0: Initial velocity, shape (nv,); at rest by default.
+        duration: Length of the run [s], a multiple of the control period.
+        substeps: Physics steps per control period, a positive whole number.
+        integrator: "semi-implicit" (Euler, first order) or "rk4" (fourth order); other plants have their own.
+        backend: Who computes the loop: Python around the controller and Pinocchio; or "compiled" for all of it as one
+            compiled function, equal to rounding (docs/realtime.md), for an `ImpedanceController` with any backend,
+            every `Interaction` of the library, and no sensor. Trajectory and functions of time are then sampled ahead,
+            some thousand steps at once. What has no compiled form is run in Python; the logger "rbimpedance" says so,
+            once.
+        on_tick: Called with (ticks done, ticks in all), for a progress bar: at every tick, or every few thousand
+            physics steps of a compiled run.
+        checkpoint: Where the run keeps what it has so far, and goes on from where one was killed.
+
+    Returns:
+        The log at every tick, t = 0 and t = duration included.
+
+    Raises:
+        DivergenceError: A joint left every sensible range; carries time, joint and the result so far.
+        GainError: A duration that is no multiple of the period, a bad number of substeps, an unknown integrator or
+            backend, or a controller made for another number of joints.
+        DimensionError: An input of wrong shape or kind.
+        NonFiniteError: An input holds NaN or infinity.
+        SnapshotError: The checkpoint is of another run, or damaged.
+    """
+    check_choice("backend", backend, get_args(Backend))
+    loop = closed_loop(
+        controller,
+        plant,
+        trajectory,
+        wrench=wrench,
+        sensor=sensor,
+        q0=q0,
+        v0=v0,
+        duration=duration,
+        substeps=substeps,
+        integrator=integrator,
+    )
+    run_fast = run_compiled if backend == "compiled" else run_fused
+    result = run_fast(loop, on_tick, checkpoint)
+    return run(loop, on_tick, checkpoint) if result is None else result
+
+
+def closed_loop(
+    controller: Controller[Any],
+    plant: ArmModel | Plant[Any],
+    trajectory: Trajectory,
+    *,
+    wrench: EnvironmentLike | None = None,
+    sensor: Sensor[Any] | None = None,
+    q0: ArrayLike | None = None,
+    v0: ArrayLike | None = None,
+    duration: float,
+    substeps: int,
+    integrator: Integrator,
+) -> ClosedLoop:
+    """Return the checked parts of a run; arguments and errors are those of `simulate`."""
+    ticks = _number_of_ticks(duration, controller.dt)
+    check_whole("substeps", substeps, "the period is a multiple of the physics step")
+    check_choice("integrator", integrator, INTEGRATORS)
+    arm, engine = (plant, None) if isinstance(plant, ArmModel) else (plant.arm, plant)
+    if (controller.arm.nq, controller.arm.nv) != (arm.nq, arm.nv):
+        words = f"an arm with the controller's nq, nv = {controller.arm.nq}, {controller.arm.nv}"
+        raise GainError("plant", repr(plant), words)
+    q = arm.neutral if q0 is None else arm.check_configuration("q0", q0)
+    return ClosedLoop(
+        controller=controller,
+        plant=arm,
+        engine=engine,
+        trajectory=trajectory,
+        environment=as_interaction(wrench),
+        sensor=Perfect() if sensor is None else sensor,
+        q=np.array(q),
+        v=np.zeros(arm.nv) if v0 is None else vector("v0", v0, arm.nv).copy(),
+        ticks=ticks,
+        substeps=substeps,
+        integrator=integrator,
+    )
+
+
+def check_choice(name: str, value: str, choices: Iterable[str]) -> None:
+    """Refuse a word that is none of the choices.
+
+    Raises:
+        GainError: It is not.
+    """
+    if value not in choices:
+        raise GainError(name, value, "one of " + ", ".join(map(repr, choices)))
+
+
+def check_whole(name: str, value: Any, meaning: str) -> None:
+    """Refuse what is no positive whole number.
+
+    Raises:
+        GainError: It is not.
+    """
+    is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not is_whole or value < 1:
+        raise GainError(name, value, f"a positive whole number: {meaning}")
+
+
+def _number_of_ticks(duration: float, dt: float) -> int:
+    duration = positive_number("duration", duration, "length of the run in seconds")
+    ticks = max(round(duration / dt), 1)
+    if abs(ticks * dt - duration) > 1e-9 * duration:
+        raise GainError(
+            "duration",
+            duration,
+            f"a multiple of the control period dt = {dt:g} s, e.g. {ticks * dt:g}",
+        )
+    return ticks
