@@ -61,7 +61,7 @@ def load(source: str | Path) -> rbi.ArmModel:
 
 def agreement(arm: rbi.ArmModel, states: int) -> dict[str, float]:
     """Largest relative difference of each algorithm over random states."""
-    rng, mine, judge = np.random.default_rng(5), CompiledDynamics(arm), arm.unchecked
+    rng, mine, judge = np.random.default_rng(5), CompiledDynamics(arm), arm.raw_dynamics
     worst = dict.fromkeys(("RNEA", "ABA", "CRBA"), 0.0)
     for _ in range(states):
         q = arm.random_configuration(rng)

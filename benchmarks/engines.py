@@ -101,7 +101,7 @@ def growth(arm: rbi.ArmModel, q: Array, v: Array, steps: int) -> float:
         for k in range(steps):
             state = rigid.step(state, rest, nothing, k * H, H)
         ends.append(state.q)
-    return float(np.abs(arm.unchecked.difference(*ends)).max()) / SHIFT
+    return float(np.abs(arm.raw_dynamics.difference(*ends)).max()) / SHIFT
 
 
 # --- control ----------------------------------------------------------------------------------------------------

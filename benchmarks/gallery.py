@@ -50,7 +50,7 @@ def figures() -> Mapping[str, Figure]:
         8.0, 10.0, 0.5, s0=[4.0, 4.0], disturbance0=0.0, surface=surface, e0=0.7
     )
     loaded = replace(scenario, plant=scenario.plant.with_payload(0.3)).simulate()
-    observed = rbi.observe(loaded, arm, rbi.SuperTwisting(60.0, 200.0))
+    observed = rbi.estimate_disturbance(loaded, arm, rbi.SuperTwisting(60.0, 200.0))
     payloads, gains = [0.0, 1.0, 2.0, 4.0], [5.0, 10.0, 20.0, 40.0]
     errors = [[left_after_two_seconds(m, k1) for k1 in gains] for m in payloads]
     return {

@@ -276,7 +276,7 @@ def run(name: str, fault_name: str) -> Run:
 
 def _advance(world: World, torque: Array) -> None:
     """Two physics steps of semi-implicit Euler; the joints stop where they would leave every sensible range."""
-    dynamics, h = world.plant.unchecked, DT / 2.0
+    dynamics, h = world.plant.raw_dynamics, DT / 2.0
     for _ in range(2):
         world.v = np.clip(
             world.v + h * dynamics.forward_dynamics(world.q, world.v, torque), -50, 50
@@ -373,9 +373,9 @@ def port(case: str, tank: bool) -> tuple[float, float]:
         output, state = acting.step(state, q, v, where, told)
         for i in range(4):
             acting_torque = environment.torque(arm, k * DT + i * DT / 4.0, q, v)
-            v = v + DT / 4.0 * arm.unchecked.forward_dynamics(q, v, output.tau + acting_torque)
+            v = v + DT / 4.0 * arm.raw_dynamics.forward_dynamics(q, v, output.tau + acting_torque)
             v = np.clip(v, -20.0, 20.0)
-            q = arm.unchecked.integrate(q, DT / 4.0 * v)
+            q = arm.raw_dynamics.integrate(q, DT / 4.0 * v)
             work += DT / 4.0 * float(acting_torque @ v)
         least, fastest = min(least, work), max(fastest, float(np.abs(v).max()))
     return least, fastest

@@ -28,7 +28,7 @@ K1, K2, DT = 16.0, 40.0, 1e-3
 class WindingUp(SuperTwisting):
     """The integrators know nothing of the limits."""
 
-    def without_windup(
+    def anti_windup(
         self, state: ReachingState, following: ReachingState, missing: Array, dt: float
     ) -> ReachingState:
         """Return the next state as it is."""
@@ -45,7 +45,7 @@ class Conditioned(SuperTwisting):
         object.__setattr__(self, "_u", u)
         return u, following
 
-    def without_windup(
+    def anti_windup(
         self, state: ReachingState, following: ReachingState, missing: Array, dt: float
     ) -> ReachingState:
         """Solve (k1·y + 2·h·k2)·y²/(y² + h·k1·y + h²·k2) = abs(w) for y = abs(s)^½ by bisection."""
@@ -76,8 +76,12 @@ class Clipping(Limits):
         """Clip."""
         del before, dt
         applied = np.clip(tau, -self.effort, self.effort)
-        lacking = np.asarray(np.linalg.solve(mass_matrix(), tau - applied), dtype=np.float64)
-        return Allocation(applied, applied != tau, np.zeros_like(applied != tau), lacking)
+        acceleration_deficit = np.asarray(
+            np.linalg.solve(mass_matrix(), tau - applied), dtype=np.float64
+        )
+        return Allocation(
+            applied, applied != tau, np.zeros_like(applied != tau), acceleration_deficit
+        )
 
 
 def run(
@@ -97,7 +101,7 @@ def run(
         old.surface,
         law(*gains, scheme="matched"),
         DT,
-        knowledge="mass",
+        model="inertia",
         limits=limits,
     )
     start = scenario.q0 if q0 is None else q0

@@ -11,7 +11,7 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 import rbimpedance as rbi
-from rbimpedance import GainError, SimulationResult
+from rbimpedance import ParameterError, SimulationResult
 from rbimpedance._common.arrays import Array
 from rbimpedance.pictures import figures as plotting
 from rbimpedance.simulation import scenarios
@@ -103,7 +103,7 @@ def test_robustness_map_writes_every_figure_and_says_where_a_run_diverged() -> N
 
 
 def test_robustness_map_refuses_figures_of_another_shape() -> None:
-    with pytest.raises(GainError, match=r"shape \(2, 2\)"):
+    with pytest.raises(ParameterError, match=r"shape \(2, 2\)"):
         plotting.robustness_map([0, 1], [1, 2], [[1.0, 2.0]], labels=("a", "b", "c"))
 
 

@@ -113,12 +113,14 @@ def test_scalar_gain_stays_a_scalar(value: Any) -> None:
     ],
 )  # fmt: skip
 def test_unusable_gain_is_refused(value: Any) -> None:
-    with pytest.raises(rbi.GainError, match=r"^k1 must be positive and finite, a scalar or one"):
+    with pytest.raises(
+        rbi.ParameterError, match=r"^k1 must be positive and finite, a scalar or one"
+    ):
         positive("k1", value)
 
 
 def test_gain_outside_its_set_is_told_the_set() -> None:
-    with pytest.raises(rbi.GainError, match=r"^margin must be at least 1 and finite.*got 0.5"):
+    with pytest.raises(rbi.ParameterError, match=r"^margin must be at least 1 and finite.*got 0.5"):
         gain("margin", 0.5, "at least 1", lambda x: x >= 1.0)
 
 
@@ -133,7 +135,9 @@ def test_positive_number_is_a_float(value: Any) -> None:
     "value", [0, 0.0, -1e-3, np.nan, np.inf, "1", True, 1 + 0j, None, [1.0], np.array([1.0])]
 )
 def test_unusable_number_is_refused(value: Any) -> None:
-    with pytest.raises(rbi.GainError, match=r"^dt must be a positive, finite period in seconds"):
+    with pytest.raises(
+        rbi.ParameterError, match=r"^dt must be a positive, finite period in seconds"
+    ):
         positive_number("dt", value, "period in seconds")
 
 

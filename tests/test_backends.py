@@ -319,14 +319,14 @@ def test_errors_are_those_of_the_readable_form(name: str, rng: np.random.Generat
 
 
 def test_an_unknown_backend_is_refused() -> None:
-    with pytest.raises(rbi.GainError, match='"pinocchio" or "compiled"'):
+    with pytest.raises(rbi.ParameterError, match='"pinocchio" or "compiled"'):
         controller(arms.pendulum(), "numba")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("way", [copy.copy, copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))])
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_controllers_can_be_copied(backend: Backend, way: Any, rng: np.random.Generator) -> None:
-    c = controller(arms.spinner(), backend, limits=3.0, knowledge="mass")
+    c = controller(arms.spinner(), backend, limits=3.0, model="inertia")
     again, given = way(c), draw(c.arm, rng)
     assert again.backend == backend
     assert is_compiled(again)

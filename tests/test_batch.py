@@ -190,10 +190,10 @@ def test_other_threads_run_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("change", "error", "words"),
     [
-        ({"channels": ("torque",)}, rbi.GainError, "channels"),
-        ({"every": 0}, rbi.GainError, "every"),
-        ({"threads": 1.5}, rbi.GainError, "threads"),
-        ({"after": 0.02}, rbi.GainError, "after"),
+        ({"channels": ("torque",)}, rbi.ParameterError, "channels"),
+        ({"every": 0}, rbi.ParameterError, "every"),
+        ({"threads": 1.5}, rbi.ParameterError, "threads"),
+        ({"after": 0.02}, rbi.ParameterError, "after"),
         ({"q0": np.zeros((2, 6)), "v0": np.zeros((3, 6))}, rbi.DimensionError, "q0"),
         ({"q0": np.zeros((2, 5))}, rbi.DimensionError, "q0"),
         ({"wrench": []}, rbi.InputError, "wrench"),
@@ -213,7 +213,7 @@ def test_what_does_not_fit_is_refused(
 def test_worlds_of_different_periods_or_sizes_are_refused() -> None:
     one, other = arms.manipulator(), arms.pendulum()
     slow = build(one, dt=2e-3)
-    with pytest.raises(rbi.GainError, match=r"controller\[1\].dt"):
+    with pytest.raises(rbi.ParameterError, match=r"controller\[1\].dt"):
         rbi.simulate_batch([build(one), slow], one, hold(one), duration=0.02)
     with pytest.raises(rbi.DimensionError, match=r"plant\[1\]"):
         rbi.simulate_batch(

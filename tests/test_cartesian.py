@@ -102,11 +102,11 @@ def test_stretched_spring_has_both_terms(name: str, rng: np.random.Generator) ->
 def test_frame_that_cannot_move_so_is_refused() -> None:
     arm = ARMS["spinner"]()
     with pytest.raises(
-        rbi.GainError, match=r"^q must be a configuration whose Jacobian has rank 6"
+        rbi.ParameterError, match=r"^q must be a configuration whose Jacobian has rank 6"
     ):
         joint_matrix(arm, arm.neutral, np.eye(6), posture=1.0)
     straight = rbi.load_robot("two_link")  # moves in a plane only
-    with pytest.raises(rbi.GainError, match="rank 3"):
+    with pytest.raises(rbi.ParameterError, match="rank 3"):
         joint_matrix(straight, [0.3, 0.4], np.eye(3), posture=1.0)
 
 
@@ -121,10 +121,10 @@ def test_mimicking_joints_are_refused() -> None:
     ("wanted", "posture", "error", "words"),
     [
         (np.eye(4), 1.0, rbi.DimensionError, r"^wanted must be a matrix \(3, 3\) or \(6, 6\)"),
-        (-np.eye(3), 1.0, rbi.GainError, r"^wanted must be symmetric positive definite"),
-        (np.triu(np.ones((3, 3))), 1.0, rbi.GainError, r"^wanted must be symmetric"),
-        (np.full((3, 3), np.nan), 1.0, rbi.GainError, r"^wanted must be symmetric"),
-        (np.eye(3), 0.0, rbi.GainError, r"^posture must be"),
+        (-np.eye(3), 1.0, rbi.ParameterError, r"^wanted must be symmetric positive definite"),
+        (np.triu(np.ones((3, 3))), 1.0, rbi.ParameterError, r"^wanted must be symmetric"),
+        (np.full((3, 3), np.nan), 1.0, rbi.ParameterError, r"^wanted must be symmetric"),
+        (np.eye(3), 0.0, rbi.ParameterError, r"^posture must be"),
     ],
 )
 def test_unusable_request_is_refused(

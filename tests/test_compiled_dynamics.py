@@ -75,7 +75,7 @@ def assert_relative(mine: Array, truth: Array) -> None:
 
 def test_results_are_those_of_pinocchio(arm: rbi.ArmModel, rng: np.random.Generator) -> None:
     dynamics = CompiledDynamics(arm)
-    model, friction = arm.model, arm.unchecked.friction
+    model, friction = arm.model, arm.raw_dynamics.friction
     data = model.createData()
     for q, v, x in states(arm, rng, 200):
         assert_relative(

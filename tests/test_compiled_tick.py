@@ -25,7 +25,7 @@ from . import arms
 
 Array = NDArray[np.float64]
 Scheme = Literal["explicit", "matched", "implicit"]
-Knowledge = Literal["full", "mass"]
+Knowledge = Literal["full", "inertia"]
 Arguments = tuple[rbi.ControllerState, Array, Array, rbi.Reference, Array]
 
 DT = 1e-3
@@ -34,7 +34,7 @@ SURFACES: dict[str, Any] = {
     "power": rbi.PowerSurface(gamma=3.0, exponent=5.0 / 3.0),
     "fast terminal": rbi.FastTerminalSurface(rate=2.0, gamma=3.0, exponent=0.6),
     "nonsingular terminal": rbi.NonsingularTerminalSurface(beta=3.0, exponent=5.0 / 3.0),
-    "bounded": rbi.BoundedSurface(rbi.FastTerminalSurface(2.0, 3.0, 0.6), error=0.4),
+    "bounded": rbi.BoundedSurface(rbi.FastTerminalSurface(2.0, 3.0, 0.6), max_error=0.4),
 }
 LIMITS: dict[str, rbi.Limits | None] = {
     "none": None,
@@ -43,8 +43,8 @@ LIMITS: dict[str, rbi.Limits | None] = {
     "both": rbi.Limits(effort=3.0, rate=2e3),
 }
 SCHEMES: tuple[Scheme, ...] = ("explicit", "matched", "implicit")
-FLAGS = ("saturated", "guaranteed", "rate_limited", "clipped", "held")
-KNOWLEDGE: tuple[Knowledge, ...] = ("full", "mass")
+FLAGS = ("saturated", "premise_holds", "rate_limited", "clipped", "reference_limited")
+KNOWLEDGE: tuple[Knowledge, ...] = ("full", "inertia")
 WAYS: tuple[type[Tick], ...] = (FusedTick, CompiledTick)
 
 
@@ -70,7 +70,7 @@ def controller(arm: rbi.ArmModel, **changes: Any) -> rbi.ImpedanceController:
 
 def tick(way: type[Tick], specification: rbi.ImpedanceController) -> Tick:
     c = specification
-    law = pack_law(c.arm.nv, c.dt, c._filter, c.surface, c.reaching, c.limits, c.knowledge)
+    law = pack_law(c.arm.nv, c.dt, c._filter, c.surface, c.reaching, c.limits, c.model)
     return way(c.arm, law, c._filter)
 
 
@@ -97,7 +97,7 @@ def assert_same(specification: rbi.ImpedanceController, fast: Tick, arguments: A
     assert answer is not None
     output, state = answer
     withheld = np.zeros(1)
-    if not expected.guaranteed.all():  # a system of equations with M was solved
+    if not expected.premise_holds.all():  # a system of equations with M was solved
         free, _ = controller_without_limits(specification)._specified_step(*arguments)
         M = specification.arm.mass_matrix(arguments[1])
         withheld = np.linalg.cond(M) * (free.u - expected.u)
@@ -127,9 +127,7 @@ def assert_same(specification: rbi.ImpedanceController, fast: Tick, arguments: A
 
 @functools.lru_cache(maxsize=1)
 def controller_without_limits(c: rbi.ImpedanceController) -> rbi.ImpedanceController:
-    return rbi.ImpedanceController(
-        c.arm, c.impedance, c.surface, c.reaching, c.dt, knowledge=c.knowledge
-    )
+    return rbi.ImpedanceController(c.arm, c.impedance, c.surface, c.reaching, c.dt, model=c.model)
 
 
 COMBINATIONS = [
@@ -144,12 +142,12 @@ def arm(request: pytest.FixtureRequest) -> rbi.ArmModel:
     return arm
 
 
-@pytest.mark.parametrize(("surface", "scheme", "knowledge"), COMBINATIONS)
+@pytest.mark.parametrize(("surface", "scheme", "model"), COMBINATIONS)
 def test_ticks_are_those_of_the_specification(
     arm: rbi.ArmModel,
     surface: str,
     scheme: Scheme,
-    knowledge: Knowledge,
+    model: Knowledge,
     rng: np.random.Generator,
 ) -> None:
     reaching = rbi.SuperTwisting(8.0, 10.0, scheme, 3.0 if scheme == "matched" else 1.0)
@@ -163,7 +161,7 @@ def test_ticks_are_those_of_the_specification(
             arm,
             surface=SURFACES[surface],
             reaching=reaching,
-            knowledge=knowledge,
+            model=model,
             limits=limits,
             impedance=impedance,
         )
@@ -419,8 +417,8 @@ def test_unknown_surfaces_are_not_packed() -> None:
 
 
 def test_fused_ticks_carry_joints_that_follow_others(rng: np.random.Generator) -> None:
-    for limits, knowledge in itertools.product((None, 3.0), KNOWLEDGE):
-        specification = controller(arms.follower(), limits=limits, knowledge=knowledge)
+    for limits, model in itertools.product((None, 3.0), KNOWLEDGE):
+        specification = controller(arms.follower(), limits=limits, model=model)
         for ticks in range(5):
             arguments = draw(specification.arm, rng, ticks)
             assert_same(specification, tick(FusedTick, specification), arguments)

@@ -211,21 +211,21 @@ def test_torques_of_a_sum_add_up_and_what_has_no_frame_is_not_shown(
     ("build", "error", "words"),
     [
         (lambda: Wall([0, 0], [0, 0, 1], 1.0), rbi.DimensionError, r"^point must be"),
-        (lambda: Wall([0, 0, 0], [0, 0, 0], 1.0), rbi.GainError, r"^normal must be"),
+        (lambda: Wall([0, 0, 0], [0, 0, 0], 1.0), rbi.ParameterError, r"^normal must be"),
         (lambda: Wall([0, 0, 0], [0, 0, np.nan], 1.0), rbi.NonFiniteError, r"^normal must be"),
-        (lambda: Wall([0, 0, 0], [0, 0, 1], 0.0), rbi.GainError, r"^stiffness must be"),
-        (lambda: Wall([0, 0, 0], [0, 0, 1], 1.0, -1.0), rbi.GainError, r"^damping must be"),
-        (lambda: Wall([0, 0, 0], [0, 0, 1], 1.0, [1.0]), rbi.GainError, r"^damping .*single"),  # type: ignore[arg-type]
+        (lambda: Wall([0, 0, 0], [0, 0, 1], 0.0), rbi.ParameterError, r"^stiffness must be"),
+        (lambda: Wall([0, 0, 0], [0, 0, 1], 1.0, -1.0), rbi.ParameterError, r"^damping must be"),
+        (lambda: Wall([0, 0, 0], [0, 0, 1], 1.0, [1.0]), rbi.ParameterError, r"^damping .*single"),  # type: ignore[arg-type]
         (lambda: Push(np.ones(5), 0.0, 1.0), rbi.DimensionError, r"^wrench must be"),
-        (lambda: Push(np.ones(6), 0.0, 0.0), rbi.GainError, r"^duration must be"),
-        (lambda: Push(np.ones(6), 0.0, 1.0, 0.6), rbi.GainError, r"^rise must be .*0\.5 s"),
-        (lambda: Push(np.ones(6), -1.0, 1.0), rbi.GainError, r"^start must be"),
+        (lambda: Push(np.ones(6), 0.0, 0.0), rbi.ParameterError, r"^duration must be"),
+        (lambda: Push(np.ones(6), 0.0, 1.0, 0.6), rbi.ParameterError, r"^rise must be .*0\.5 s"),
+        (lambda: Push(np.ones(6), -1.0, 1.0), rbi.ParameterError, r"^start must be"),
         (
             lambda: Push(np.ones(6), 0.0, 1.0, expressed_in="tool"),
-            rbi.GainError,
+            rbi.ParameterError,
             r"^expressed_in must",
         ),
-        (lambda: Sum(np.ones(6)), rbi.GainError, r"^parts\[0\] must be an Interaction"),  # type: ignore[arg-type]
+        (lambda: Sum(np.ones(6)), rbi.ParameterError, r"^parts\[0\] must be an Interaction"),  # type: ignore[arg-type]
     ],
 )
 def test_unusable_environment_is_refused_when_it_is_made(

@@ -193,5 +193,5 @@ def test_readings_that_are_too_old_make_contact_bounce_without_end() -> None:
     ],
 )
 def test_unusable_request_is_refused(call: Callable[[rbi.ArmModel], object], words: str) -> None:
-    with pytest.raises(rbi.GainError, match=words):
+    with pytest.raises(rbi.ParameterError, match=words):
         call(manipulator())

@@ -201,7 +201,7 @@ def test_step_is_pure_and_its_state_is_kept_in_snapshots(tmp_path: Path) -> None
     ],
 )
 def test_parameter_that_cannot_be_is_refused(settings: dict[str, Any], words: str) -> None:
-    with pytest.raises(rbi.GainError, match=words):
+    with pytest.raises(rbi.ParameterError, match=words):
         QuantizedEncoders(law(spinner()), **settings)
 
 

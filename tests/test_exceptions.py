@@ -17,8 +17,8 @@ ERRORS: dict[str, tuple[rbi.RBImpedanceError, dict[str, object], str]] = {
         {"joints": ("base", "hip"), "reason": "floating; lock it"},
         "unsupported joint 'base', 'hip': floating; lock it",
     ),
-    "GainError": (
-        rbi.GainError("k1", -2.0, "positive"),
+    "ParameterError": (
+        rbi.ParameterError("k1", -2.0, "positive"),
         {"name": "k1", "value": -2.0, "admissible": "positive"},
         "k1 must be positive, got -2.0",
     ),
@@ -68,7 +68,7 @@ def test_error_keeps_message_and_attributes(
     ("error", "builtin"),
     [
         (rbi.ModelError, ValueError),
-        (rbi.GainError, ValueError),
+        (rbi.ParameterError, ValueError),
         (rbi.InputError, ValueError),
         (rbi.DimensionError, rbi.InputError),
         (rbi.NonFiniteError, rbi.InputError),
@@ -94,7 +94,7 @@ def test_every_error_of_the_package_has_a_case_here() -> None:
 
 
 def test_array_in_an_error_survives_pickling() -> None:
-    error = pickle.loads(pickle.dumps(rbi.GainError("k1", np.array([1.0, -1.0]), "positive")))
+    error = pickle.loads(pickle.dumps(rbi.ParameterError("k1", np.array([1.0, -1.0]), "positive")))
     np.testing.assert_array_equal(error.value, [1.0, -1.0])
 
 

@@ -116,7 +116,7 @@ def test_constant_is_kept_as_a_copy_and_given_as_one(
         (lambda: FrameWrench(np.ones(3)), rbi.DimensionError, r"^wrench must be .*= \(6,\), got"),
         (lambda: FrameWrench("push"), rbi.DimensionError, r"^wrench must be .*dtype"),
         (lambda: FrameWrench([np.nan] * 6), rbi.NonFiniteError, r"^wrench must be finite"),
-        (lambda: FrameWrench(WRENCH, None, "tool"), rbi.GainError, r"^expressed_in must be"),
+        (lambda: FrameWrench(WRENCH, None, "tool"), rbi.ParameterError, r"^expressed_in must be"),
         (lambda: JointTorque(1.0), rbi.DimensionError, r"^torque must be a vector"),
         (lambda: JointTorque([[1.0], [1.0, 2.0]]), rbi.DimensionError, r"^torque must .*ragged"),
         (lambda: JointTorque("push"), rbi.DimensionError, r"^torque must be .*dtype"),

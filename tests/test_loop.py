@@ -121,7 +121,7 @@ def test_long_runs_take_no_more_memory_than_short_ones(clock: Clock) -> None:
 
 @pytest.mark.parametrize("dt", [0.0, -1e-3, np.nan, "fast"])
 def test_period_that_cannot_be_is_refused(dt: Any) -> None:
-    with pytest.raises(rbi.GainError, match="dt must be"):
+    with pytest.raises(rbi.ParameterError, match="dt must be"):
         Loop(dt)
 
 

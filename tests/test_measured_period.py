@@ -144,9 +144,9 @@ def test_guard_says_where_it_holds_the_reference() -> None:
     guard = ReferenceGuard(_controller(), velocity=1.0)
     held, state = guard.step(guard.init(), ARM.neutral, STILL, fast, STILL)
     free, _ = guard.step(guard.init(), ARM.neutral, STILL, REFERENCE, STILL)
-    assert held.held.all()
-    assert_array_equal(held.held, state.held)
-    assert not free.held.any()
+    assert held.reference_limited.all()
+    assert_array_equal(held.reference_limited, state.reference_limited)
+    assert not free.reference_limited.any()
 
 
 def test_baseline_takes_no_measured_period() -> None:

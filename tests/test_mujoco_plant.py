@@ -170,7 +170,7 @@ def test_plant_shares_no_model_with_its_arm() -> None:
     arm = slider()
     plant = rbi.MujocoPlant(arm)
     assert plant.arm is not arm
-    assert plant.arm.unchecked.model is not arm.unchecked.model
+    assert plant.arm.raw_dynamics.model is not arm.raw_dynamics.model
     assert isinstance(plant, Plant)
 
 
@@ -437,7 +437,7 @@ def test_scene_that_is_none_is_refused(scene: str) -> None:
     [{"scene": FLOOR.format(z=0)}, {"tool_radius": 0.1}, {"scene": "<x/>", "tool_radius": -1.0}],
 )
 def test_scene_and_radius_are_given_together(given: dict[str, Any]) -> None:
-    with pytest.raises(rbi.GainError, match="tool_radius"):
+    with pytest.raises(rbi.ParameterError, match="tool_radius"):
         rbi.MujocoPlant(slider(), **given)
 
 

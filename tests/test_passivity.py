@@ -203,11 +203,11 @@ def test_observer_hears_the_motors() -> None:
     ],
 )
 def test_tanks_that_cannot_be_are_refused(change: dict[str, Any], name: str) -> None:
-    with pytest.raises(rbi.GainError, match=name):
+    with pytest.raises(rbi.ParameterError, match=name):
         EnergyTank(law(), **change)
 
 
 def test_target_without_matrices_is_refused() -> None:
     controller = law().with_impedance(rbi.FiniteTimeImpedance(1.0, 10.0, 20.0, 0.5))
-    with pytest.raises(rbi.GainError, match="an Impedance"):
+    with pytest.raises(rbi.ParameterError, match="an Impedance"):
         EnergyTank(controller)

@@ -11,7 +11,12 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rbimpedance import SimulationResult, SuperTwisting, load_robot, observe
+from rbimpedance import (
+    SimulationResult,
+    SuperTwisting,
+    estimate_disturbance,
+    load_robot,
+)
 from rbimpedance.pictures import figures as plotting
 from rbimpedance.simulation import scenarios
 
@@ -49,7 +54,7 @@ def test_figure_shows_every_joint_of_its_channels(
 
 
 def test_every_axis_says_its_unit(result: SimulationResult) -> None:
-    estimate = observe(result, load_robot("two_link"), SuperTwisting(60.0, 200.0))
+    estimate = estimate_disturbance(result, load_robot("two_link"), SuperTwisting(60.0, 200.0))
     figures = [
         plotting.tracking_errors(result),
         plotting.impedance_error(result),

@@ -21,7 +21,7 @@ EACH_SCHEME = pytest.mark.parametrize("scheme", ["explicit", "matched", "implici
 
 
 def _run(limits: Limits | None, *, scheme: Scheme = "matched") -> rbi.SimulationResult:
-    scenario = paper(known="mass", surface="fast-terminal", scheme=scheme, duration=2.5)
+    scenario = paper(known="inertia", surface="fast-terminal", scheme=scheme, duration=2.5)
     old = scenario.controller
     assert isinstance(old, rbi.ImpedanceController)
     controller = rbi.ImpedanceController(
@@ -30,7 +30,7 @@ def _run(limits: Limits | None, *, scheme: Scheme = "matched") -> rbi.Simulation
         old.surface,
         rbi.SuperTwisting(16.0, 40.0, scheme=scheme),
         old.dt,
-        knowledge="mass",
+        model="inertia",
         limits=limits,
     )
     return replace(scenario, controller=controller).simulate()
@@ -91,7 +91,7 @@ def test_joint_with_room_keeps_its_acceleration_while_the_other_may_not_follow()
     assert abs(limited.tau[0] - first.tau[0]) == pytest.approx(2.0, rel=1e-12)
     assert_array_equal(limited.rate_limited, [True, False])
     assert not limited.saturated.any()
-    assert_array_equal(limited.guaranteed, [False, True])
+    assert_array_equal(limited.premise_holds, [False, True])
     change = np.linalg.solve(M, limited.tau - free.tau)
     assert abs(change[0]) > 1.0
     assert_allclose(change[1], 0.0, atol=1e-10)
@@ -107,5 +107,5 @@ def test_effort_decides_where_the_rate_would_leave_it() -> None:
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, np.nan, "fast"])
 def test_rate_that_is_not_positive_is_refused(rate: object) -> None:
-    with pytest.raises(rbi.GainError, match="rate"):
+    with pytest.raises(rbi.ParameterError, match="rate"):
         Limits(rate=rate)  # type: ignore[arg-type]

@@ -65,7 +65,7 @@ def test_reference_that_stays_inside_is_left_alone() -> None:
         expected = getattr(bare, name)
         scale = np.abs(expected).max()
         assert_allclose(getattr(guarded, name), expected, rtol=0.0, atol=1e-10 * scale)
-    assert not guarded.held.any()
+    assert not guarded.reference_limited.any()
 
 
 @pytest.mark.parametrize("torque", [0.0, 30.0, -30.0])
@@ -80,7 +80,7 @@ def test_reference_stays_within_the_ends_whatever_drives_it(torque: float) -> No
     for joint, margin in ((1, 0.1), (2, 0.3)):
         assert q_r[:, joint].max() <= 2.0 - margin + late
         assert q_r[:, joint].min() >= -1.5 + margin - late
-        assert result.held[:, joint].any()
+        assert result.reference_limited[:, joint].any()
         near = np.minimum(2.0 - margin - q_r[:, joint], q_r[:, joint] + 1.5 - margin)
         assert near.min() < 1e-2  # it does get there
 
@@ -116,12 +116,12 @@ def test_reference_comes_back_once_nothing_holds_it() -> None:
     for k in range(100):
         moved = fast._replace(q=arm.integrate(q, k * DT * fast.v))
         _, state = guard.step(state, moved.q, moved.v, moved, rest)
-    assert state.held.all()
+    assert state.reference_limited.all()
     assert (np.abs(state.q_g) > 0.01).all()
     still = hold(arm, moved.q)(0.0)
     for _ in range(1000):
         _, state = guard.step(state, moved.q, rest, still, rest)
-    assert not state.held.any()
+    assert not state.reference_limited.any()
     assert_allclose(state.q_g, 0.0, atol=1e-9)
 
 
@@ -161,5 +161,5 @@ def test_step_is_pure_and_the_baselines_can_be_guarded(name: str, rng: np.random
 def test_unusable_guard_is_refused(
     build: Callable[[rbi.ImpedanceController], object], words: str
 ) -> None:
-    with pytest.raises(rbi.GainError, match=words):
+    with pytest.raises(rbi.ParameterError, match=words):
         build(controller(spinner()))

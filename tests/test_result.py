@@ -120,7 +120,7 @@ def test_every_figure_is_per_joint() -> None:
 
 @pytest.mark.parametrize("after", [1.25, 1.5, 9.0])
 def test_figures_of_less_than_two_samples_are_refused(after: float) -> None:
-    with pytest.raises(rbi.GainError, match=r"^after must be before the last two samples"):
+    with pytest.raises(rbi.ParameterError, match=r"^after must be before the last two samples"):
         result(T).metrics(after=after)
 
 

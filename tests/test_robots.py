@@ -660,7 +660,7 @@ def test_given_gravity_wins_over_that_of_the_document() -> None:
     [
         ({"gravity": (0, 0)}, rbi.DimensionError),
         ({"gravity": (0, 0, np.nan)}, rbi.NonFiniteError),
-        ({"armature": -1.0}, rbi.GainError),
+        ({"armature": -1.0}, rbi.ParameterError),
         ({"armature": [1.0, 2.0]}, rbi.DimensionError),
     ],
 )

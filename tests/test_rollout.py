@@ -142,7 +142,7 @@ LAWS: dict[str, dict[str, Any]] = {
     "coupled impedance": {
         "impedance": rbi.Impedance(np.eye(3) + 0.1, 10.0 * np.eye(3) + 0.3, damping_ratio=None, stiffness=20.0)
     },
-    "mass only": {"knowledge": "mass"},
+    "mass only": {"model": "inertia"},
     "limits": {"limits": [3.0, 18.0, 4.0]},
     "limited rate": {"limits": rbi.Limits(rate=[50.0, 2000.0, 50.0])},
     "bounded surface": {"surface": rbi.BoundedSurface(rbi.FastTerminalSurface(2.0, 3.0, 0.6), 1e-3)},
@@ -255,7 +255,7 @@ def test_an_unknown_frame_and_an_unknown_backend_are_refused() -> None:
         rbi.simulate(
             *given, wrench=rbi.FrameWrench(np.ones(6), "hook"), duration=0.01, backend="compiled"
         )
-    with pytest.raises(rbi.GainError, match="backend"):
+    with pytest.raises(rbi.ParameterError, match="backend"):
         rbi.simulate(*given, duration=0.01, backend="c")  # type: ignore[arg-type]
 
 

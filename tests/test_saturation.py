@@ -25,7 +25,7 @@ EACH_SCHEME = pytest.mark.parametrize("scheme", ["explicit", "matched", "implici
 class WindingUp(rbi.SuperTwisting):
     """The same law, with integrators that know nothing of the limits."""
 
-    def without_windup(
+    def anti_windup(
         self, state: ReachingState, following: ReachingState, missing: Array, dt: float
     ) -> ReachingState:
         del state, missing, dt
@@ -37,7 +37,7 @@ def _scenario(
     *,
     scheme: Scheme = "matched",
     duration: float = 3.0,
-    known: Any = "mass",
+    known: Any = "inertia",
     law: type[rbi.SuperTwisting] = rbi.SuperTwisting,
 ) -> Scenario:
     scenario = paper(known=known, surface="fast-terminal", scheme=scheme, duration=duration)
@@ -49,7 +49,7 @@ def _scenario(
         old.surface,
         law(K1, K2, scheme=scheme),
         old.dt,
-        knowledge=known,
+        model=known,
         limits=limits,
     )
     return replace(scenario, controller=controller)
@@ -79,8 +79,8 @@ def test_allocated_torque_keeps_the_limits_and_the_free_joints_accelerations(
         assert (np.abs(found.tau) <= limit).all()
         change = np.linalg.solve(M, found.tau - tau)  # of the accelerations
         assert_allclose(change[~found.saturated], 0.0, atol=1e-9)
-        assert_allclose(-change, found.lacking, rtol=1e-9, atol=1e-9)
-        assert_array_equal(found.lacking[~found.saturated], 0.0)
+        assert_allclose(-change, found.acceleration_deficit, rtol=1e-9, atol=1e-9)
+        assert_array_equal(found.acceleration_deficit[~found.saturated], 0.0)
         assert_array_equal(found.saturated, np.abs(found.tau) == limit)
 
 
@@ -88,7 +88,7 @@ def test_single_joint_is_clipped(rng: np.random.Generator) -> None:
     for tau in rng.normal(0.0, 3.0, (100, 1)):
         found = Limits(2.0).allocate(tau, lambda: np.array([[0.5]]))
         assert_array_equal(found.tau, np.clip(tau, -2.0, 2.0))
-        assert_allclose(found.lacking, (tau - found.tau) / 0.5)
+        assert_allclose(found.acceleration_deficit, (tau - found.tau) / 0.5)
 
 
 def test_mass_matrix_is_not_asked_for_while_nothing_saturates() -> None:
@@ -101,12 +101,12 @@ def test_mass_matrix_is_not_asked_for_while_nothing_saturates() -> None:
     assert not found.saturated.any()
     at_limit = Limits([1.0, 3.0]).allocate(tau, unneeded)
     assert_array_equal(at_limit.saturated, [True, False])
-    assert_array_equal(at_limit.lacking, 0.0)
+    assert_array_equal(at_limit.acceleration_deficit, 0.0)
 
 
 @pytest.mark.parametrize("effort", [0.0, -1.0, np.nan, [1.0, 0.0], "strong", [[1.0]]])
 def test_limit_that_is_not_positive_is_refused(effort: Any) -> None:
-    with pytest.raises(rbi.GainError, match="effort must be positive"):
+    with pytest.raises(rbi.ParameterError, match="effort must be positive"):
         Limits(effort)
 
 
@@ -178,7 +178,7 @@ class Tick(NamedTuple):
 
 def _ticks(scenario: Scenario, q: Array, v: Array, ticks: int) -> list[Tick]:
     """Run by hand from any state, so that the controller's own state can be seen."""
-    controller, dynamics, h = scenario.controller, scenario.plant.unchecked, 2.5e-4
+    controller, dynamics, h = scenario.controller, scenario.plant.raw_dynamics, 2.5e-4
     state, log = controller.init(), []
     for k in range(ticks):
         t = k * controller.dt
@@ -198,9 +198,9 @@ def test_guaranteed_joint_accelerates_as_the_law_demands() -> None:
     controller, lost = scenario.controller, 0
     assert isinstance(controller, rbi.ImpedanceController)
     for q, v, output, tau_ext, _ in _ticks(scenario, np.zeros(2), np.zeros(2), 600):
-        e1, e2, good = output.e1, output.e2, output.guaranteed
+        e1, e2, good = output.e1, output.e2, output.premise_holds
         a = controller.arm.forward_dynamics(q, v, output.tau, tau_ext)
-        gain = controller.surface.hold_gain(e1, controller.dt)
+        gain = controller.surface.zoh_gain(e1, controller.dt)
         demanded = output.a_r + (controller.surface.feedforward(e1, e2) + output.u) / gain
         assert_allclose(a, demanded, rtol=1e-9, atol=1e-9)  # u is what tau realises
         assert_array_equal(good, ~output.saturated)

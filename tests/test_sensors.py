@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import rbimpedance as rbi
 from rbimpedance.interaction import Chain, Delay, JointTorque, LowPass, Perfect, Sensor
-from rbimpedance.simulation.replay import sense
+from rbimpedance.simulation.replay import replay_sensor
 from rbimpedance.trajectories import hold
 
 Array = NDArray[np.float64]
@@ -103,7 +103,7 @@ def test_perfect_sensor_changes_nothing_in_a_run() -> None:
 def test_controller_acts_on_what_the_sensor_tells_and_the_log_keeps_the_truth() -> None:
     result = simulate(Delay(7))
     assert_array_equal(result.tau_ext, [step_torque(t) for t in result.t])
-    told = sense(result, Delay(7))
+    told = replay_sensor(result, Delay(7))
     assert_array_equal(told[7:], result.tau_ext[:-7])
     # The impedance filter, run on what was told, gives the q_r of the run.
     target = rbi.Impedance(1.0, 10.0, 20.0).filter(2, DT)
@@ -132,5 +132,5 @@ def test_run_says_which_sensor_it_had() -> None:
     ],
 )
 def test_unusable_sensor_is_refused(build: Callable[[], object], words: str) -> None:
-    with pytest.raises(rbi.GainError, match=words):
+    with pytest.raises(rbi.ParameterError, match=words):
         build()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_are
 
-from rbimpedance.exceptions import DimensionError, GainError, NonFiniteError
+from rbimpedance.exceptions import DimensionError, NonFiniteError, ParameterError
 from rbimpedance.law.certificate import Certificate, certify
 from rbimpedance.law.surfaces import (
     FastTerminalSurface,
@@ -354,7 +354,7 @@ def test_caller_keeps_his_arrays() -> None:
 )
 def test_inadmissible_gain_is_refused(name: str, value: object) -> None:
     arguments: dict[str, object] = {"k1": 8.0, "k2": 10.0, "d_max": 5.0, name: value}
-    with pytest.raises(GainError) as caught:
+    with pytest.raises(ParameterError) as caught:
         certify(**arguments, s0=1.0, disturbance0=0.0)  # type: ignore[arg-type]
     assert caught.value.name == name
 

@@ -47,7 +47,7 @@ def test_every_controller_bears_the_beginning_of_every_disturbance(task: Task, n
     experiment = DISTURBANCES[name](task, STANDARD.generator(ROBOT, name, 0))
     for make in CONTROLLERS.values():
         result = rbi.simulate(
-            experiment.around(make(task)),
+            experiment.wrap(make(task)),
             experiment.plant,
             experiment.trajectory,
             wrench=experiment.wrench,

@@ -244,21 +244,21 @@ def test_margin_may_differ_from_joint_to_joint(rng: np.random.Generator) -> None
 @pytest.mark.parametrize("name", ["k1", "k2"])
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf, "high", [1.0, 0.0]])
 def test_bad_gain_is_refused(name: str, value: Any) -> None:
-    with pytest.raises(rbi.GainError, match=f"{name} must be positive"):
+    with pytest.raises(rbi.ParameterError, match=f"{name} must be positive"):
         rbi.SuperTwisting(**({"k1": K1, "k2": K2} | {name: value}))
 
 
 def test_unknown_scheme_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(rbi.GainError, match="'explicit', 'matched', 'implicit'"):
+    with pytest.raises(rbi.ParameterError, match="'explicit', 'matched', 'implicit'"):
         rbi.SuperTwisting(K1, K2, scheme="backward")  # type: ignore[arg-type]
 
 
 def test_margin_below_one_is_refused() -> None:
-    with pytest.raises(rbi.GainError, match="margin must be at least 1"):
+    with pytest.raises(rbi.ParameterError, match="margin must be at least 1"):
         rbi.SuperTwisting(K1, K2, "matched", 0.5)
 
 
 @pytest.mark.parametrize("scheme", ["explicit", "implicit"])
 def test_margin_of_a_scheme_without_one_is_refused(scheme: Scheme) -> None:
-    with pytest.raises(rbi.GainError, match="only 'matched' has a margin"):
+    with pytest.raises(rbi.ParameterError, match="only 'matched' has a margin"):
         rbi.SuperTwisting(K1, K2, scheme, 2.0)

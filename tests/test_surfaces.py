@@ -144,7 +144,7 @@ def test_fast_surface_is_smooth_at_the_smoothing_radius_and_nowhere_singular() -
 
 def _after_a_held_period(e1: Array, e2: Array, u: Array, dt: float, divided: bool) -> Array:
     """s after dt under the acceleration of the law, held; e1 moves under it by dt²/2."""
-    gain = FAST.hold_gain(e1, dt) if divided else 1.0
+    gain = FAST.zoh_gain(e1, dt) if divided else 1.0
     a = (FAST.feedforward(e1, e2) + u) / gain
     return FAST.value(e1 + e2 * dt - a * dt**2 / 2.0, e2 - a * dt)
 
@@ -176,7 +176,7 @@ def test_fast_surface_does_not_chatter_at_any_period(scheme: Scheme, dt: float) 
 class Undivided(rbi.FastTerminalSurface):
     """The continuous law, held."""
 
-    def hold_gain(self, e1: Array, dt: float) -> Array:
+    def zoh_gain(self, e1: Array, dt: float) -> Array:
         del dt
         return np.ones_like(e1)
 
@@ -191,7 +191,7 @@ def test_it_is_the_hold_gain_that_spares_the_implicit_scheme_the_chatter() -> No
         Undivided(2.0, 3.0, 0.6, 1e-3),
         old.reaching,
         old.dt,
-        knowledge=old.knowledge,
+        model=old.model,
     )
     result = replace(scenario, controller=controller).simulate()
     assert result.metrics(after=5.0)["tau_variation"][0] > 1000.0
@@ -201,7 +201,7 @@ def test_it_is_the_hold_gain_that_spares_the_implicit_scheme_the_chatter() -> No
 def test_other_surfaces_leave_the_law_as_printed(
     surface: Surface, rng: np.random.Generator
 ) -> None:
-    assert_array_equal(surface.hold_gain(_errors(rng), 1e-2), 1.0)
+    assert_array_equal(surface.zoh_gain(_errors(rng), 1e-2), 1.0)
 
 
 # --- sliding times --------------------------------------------------------------------------------
@@ -278,29 +278,29 @@ def test_power_surface_follows_its_closed_form_in_the_closed_loop() -> None:
 
 @pytest.mark.parametrize("gamma", [0.0, -1.0, np.nan, np.inf, "fast", [[1.0]]])
 def test_bad_gain_is_refused(gamma: Any) -> None:
-    with pytest.raises(rbi.GainError, match=r"gamma must be positive"):
+    with pytest.raises(rbi.ParameterError, match=r"gamma must be positive"):
         rbi.PowerSurface(gamma, 5.0 / 3.0)
-    with pytest.raises(rbi.GainError, match=r"gamma must be positive"):
+    with pytest.raises(rbi.ParameterError, match=r"gamma must be positive"):
         rbi.FastTerminalSurface(2.0, gamma, 0.6)
-    with pytest.raises(rbi.GainError, match=r"beta must be positive"):
+    with pytest.raises(rbi.ParameterError, match=r"beta must be positive"):
         rbi.NonsingularTerminalSurface(gamma, 5.0 / 3.0)
 
 
 @pytest.mark.parametrize("exponent", [1.0, 2.0, 0.5, np.nan])
 def test_exponent_outside_its_interval_is_refused(exponent: float) -> None:
-    with pytest.raises(rbi.GainError, match="strictly between 1 and 2"):
+    with pytest.raises(rbi.ParameterError, match="strictly between 1 and 2"):
         rbi.PowerSurface(3.0, exponent)
-    with pytest.raises(rbi.GainError, match="strictly between 1 and 2"):
+    with pytest.raises(rbi.ParameterError, match="strictly between 1 and 2"):
         rbi.NonsingularTerminalSurface(3.0, exponent)
 
 
 @pytest.mark.parametrize("exponent", [0.5, 1.0, 0.3, np.nan])
 def test_exponent_of_the_fast_surface_outside_its_interval_is_refused(exponent: float) -> None:
-    with pytest.raises(rbi.GainError, match=r"strictly between 0.5 and 1"):
+    with pytest.raises(rbi.ParameterError, match=r"strictly between 0.5 and 1"):
         rbi.FastTerminalSurface(2.0, 3.0, exponent)
 
 
 @pytest.mark.parametrize("name", ["rate", "smoothing"])
 def test_fast_surface_refuses_what_is_not_positive(name: str) -> None:
-    with pytest.raises(rbi.GainError, match=f"{name} must be positive"):
+    with pytest.raises(rbi.ParameterError, match=f"{name} must be positive"):
         rbi.FastTerminalSurface(**({"rate": 2.0, "gamma": 3.0, "exponent": 0.6} | {name: 0.0}))

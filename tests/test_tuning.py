@@ -20,7 +20,7 @@ from rbimpedance.tuning.gain_design import Design, Task, design, measure_task
 from rbimpedance.tuning.gains_file import load_gains, save_gains
 from rbimpedance.tuning.input_gain import gain_limit, needed_margin
 from rbimpedance.tuning.mismatch import Mismatch, carried_model, measure
-from rbimpedance.tuning.motions import Spread, sample_motions
+from rbimpedance.tuning.motions import MotionMargin, sample_motions
 from rbimpedance.tuning.torque_demand import RESERVE_ACCELERATION, Exertion
 
 from .arms import manipulator, pendulum
@@ -58,7 +58,7 @@ def refused(two_link: rbi.ArmModel) -> GainProposal:
 def late_error(proposal: GainProposal, sample: PlantSample) -> float:
     """Largest true error over the last second of 3 s."""
     arm = proposal.nominal
-    controller = sample.around(proposal.controller())
+    controller = sample.wrap(proposal.controller())
     result = rbi.simulate(controller, sample.plant, swing(arm), q0=arm.neutral, duration=3.0)
     late = result.t >= 2.0
     last = zip(result.q[late], result.q_r[late], strict=True)
@@ -67,7 +67,7 @@ def late_error(proposal: GainProposal, sample: PlantSample) -> float:
 
 def mismatch_of(arm: rbi.ArmModel, uncertainty: Uncertainty) -> Mismatch:
     """Mismatch between an arm and the plants that an uncertainty about it allows."""
-    motions = sample_motions(arm, swing(arm), 3.0, DT, 9, seed=0, spread=Spread())
+    motions = sample_motions(arm, swing(arm), 3.0, DT, 9, seed=0, spread=MotionMargin())
     return measure(arm, uncertainty.sample(arm, 8), motions, DT)
 
 
@@ -137,7 +137,7 @@ def test_torque_constant_is_an_input_gain(two_link: rbi.ArmModel) -> None:
 def test_payload_gains_are_generalised_eigenvalues() -> None:
     arm = manipulator().with_friction(0.0, 0.0)
     plant = arm.with_payload(3.0)
-    motions = sample_motions(arm, hold(arm), 1.0, DT, 2, seed=0, spread=Spread())
+    motions = sample_motions(arm, hold(arm), 1.0, DT, 2, seed=0, spread=MotionMargin())
     found = measure(arm, Uncertainty(payload=(3.0, 3.0)).sample(arm, 1), motions, DT)
     values = np.concatenate(
         [
@@ -151,7 +151,9 @@ def test_payload_gains_are_generalised_eigenvalues() -> None:
 
 def test_missed_torque_of_a_pendulum_is_the_weight_that_it_does_not_know() -> None:
     arm = pendulum()
-    motions = sample_motions(arm, hold(arm, [np.pi / 2.0]), 1.0, DT, 1, seed=0, spread=Spread())[:1]
+    motions = sample_motions(
+        arm, hold(arm, [np.pi / 2.0]), 1.0, DT, 1, seed=0, spread=MotionMargin()
+    )[:1]
     found = measure(arm, Uncertainty(payload=(1.0, 1.0)).sample(arm, 1), motions, DT)
     np.testing.assert_allclose(found.torque, 1.0 * 9.81 * 0.5, rtol=1e-9)
     np.testing.assert_allclose(found.inertia, 3.0 * 0.5**2, rtol=1e-9)
@@ -161,7 +163,7 @@ def test_missed_torque_of_a_pendulum_is_the_weight_that_it_does_not_know() -> No
 def test_carried_payload_balances_the_gain_at_both_ends_of_the_range() -> None:
     """A pendulum with bob M answers a model with bob c by c/M: the balance of [2, 6] kg is √12 - 2 kg of payload."""
     arm = pendulum()
-    motions = sample_motions(arm, hold(arm), 1.0, DT, 2, seed=0, spread=Spread())
+    motions = sample_motions(arm, hold(arm), 1.0, DT, 2, seed=0, spread=MotionMargin())
     _, payload = carried_model(arm, Uncertainty(payload=4.0), motions, DT)
     assert payload == pytest.approx(np.sqrt(12.0) - 2.0, abs=0.2)
 
@@ -169,7 +171,7 @@ def test_carried_payload_balances_the_gain_at_both_ends_of_the_range() -> None:
 def test_stiff_friction_joins_the_armature_as_a_held_torque_meets_it() -> None:
     """Viscous friction d alone: over a period h the joint answers with M/(M + h·d) of the free acceleration."""
     arm = pendulum().with_friction(viscous=500.0)
-    motions = sample_motions(arm, hold(arm), 1.0, DT, 2, seed=0, spread=Spread())
+    motions = sample_motions(arm, hold(arm), 1.0, DT, 2, seed=0, spread=MotionMargin())
     model, _ = carried_model(arm, Uncertainty(), motions, DT)
     np.testing.assert_allclose(model.armature, DT * 500.0, rtol=1e-9)
     start = np.zeros(1)
@@ -251,7 +253,7 @@ def test_same_seed_proposes_the_same(accepted: GainProposal, two_link: rbi.ArmMo
 
 def test_gains_for_an_arm_that_is_pushed_hold_while_it_is_pushed(two_link: rbi.ArmModel) -> None:
     """A push of 8 N·m at 1.5 Hz moves the reference of M_d = 1 with up to 8 rad/s² at up to 0.8 rad/s."""
-    spread = Spread(position=0.1, velocity=0.8, acceleration=8.0)
+    spread = MotionMargin(position=0.1, velocity=0.8, acceleration=8.0)
     proposal = propose(two_link, UNKNOWN, spread=spread)
     assert proposal.feasible
 
@@ -271,28 +273,28 @@ def test_gains_for_an_arm_that_is_pushed_hold_while_it_is_pushed(two_link: rbi.A
 
 
 def test_spread_that_cannot_be_is_refused() -> None:
-    with pytest.raises(rbi.GainError, match="velocity"):
-        Spread(velocity=0.0)
+    with pytest.raises(rbi.ParameterError, match="velocity"):
+        MotionMargin(velocity=0.0)
 
 
 def test_refusal_names_the_joint_the_reason_and_ways_out(refused: GainProposal) -> None:
     assert not refused.feasible
     assert refused.joint in refused.nominal.joint_names
     assert f"'{refused.joint}'" in refused.reason
-    assert any("shorter period" in way for way in refused.ways_out)
-    assert any("payload" in way for way in refused.ways_out)
+    assert any("shorter period" in way for way in refused.remedies)
+    assert any("payload" in way for way in refused.remedies)
     assert refused.reason in refused.explain()
 
 
 def test_refused_gains_build_no_controller(refused: GainProposal) -> None:
-    with pytest.raises(rbi.GainError, match="ways_out"):
+    with pytest.raises(rbi.ParameterError, match="remedies"):
         refused.controller()
 
 
 def test_way_out_that_is_called_enough_is_enough(two_link: rbi.ArmModel) -> None:
     asked = Uncertainty(payload=2.0, delay=2)
     too_slow = propose(two_link, asked, dt=1e-2)
-    way = next(way for way in too_slow.ways_out if way.startswith("a shorter period"))
+    way = next(way for way in too_slow.remedies if way.startswith("a shorter period"))
     assert way.endswith("; enough by the bounds")
     found = re.search(r"dt = (\S+) s", way)
     assert found is not None
@@ -345,7 +347,7 @@ def designed(arm: rbi.ArmModel, **imperfect: Any) -> Design:
         samples=6,
         instants=9,
         seed=0,
-        spread=Spread(),
+        spread=MotionMargin(),
         limits=None,
     )
     return design(task, measure_task(task))
@@ -380,13 +382,13 @@ def test_light_wrists_are_carried_without_rotors() -> None:
 def test_settings_that_cannot_be_are_refused(
     two_link: rbi.ArmModel, more: dict[str, Any], word: str
 ) -> None:
-    with pytest.raises(rbi.GainError, match=word):
+    with pytest.raises(rbi.ParameterError, match=word):
         propose_gains(two_link, UNKNOWN, swing(two_link), DT, **more)
 
 
 def test_surface_that_the_theorem_does_not_cover_is_refused(two_link: rbi.ArmModel) -> None:
     surface = rbi.NonsingularTerminalSurface(beta=3.0, exponent=5.0 / 3.0)
-    with pytest.raises(rbi.GainError, match="surface"):
+    with pytest.raises(rbi.ParameterError, match="surface"):
         propose(two_link, UNKNOWN, surface=surface)
 
 
@@ -512,7 +514,7 @@ def test_ways_out_of_torque_limits_are_enough_and_little_less_is_not(
     two_link: rbi.ArmModel, weak_shoulder: GainProposal
 ) -> None:
     limits = weak_shoulder.limits
-    slower, lighter, stronger = weak_shoulder.ways_out
+    slower, lighter, stronger = weak_shoulder.remedies
     factor = number_in(r"(\S+) times slower: enough", slower)
     payload = number_in(r"payload of (\S+) kg at most: enough", lighter)
     torque = number_in(r"actuators with (\S+) N", stronger)
@@ -538,8 +540,8 @@ def test_no_motion_is_slow_enough_for_a_joint_that_cannot_hold_the_arm(
     two_link: rbi.ArmModel,
 ) -> None:
     proposal = propose_within(two_link, [10.0, 1e6])
-    assert not any("slower" in way or "payload" in way for way in proposal.ways_out)
-    assert any("actuators" in way for way in proposal.ways_out)
+    assert not any("slower" in way or "payload" in way for way in proposal.remedies)
+    assert any("actuators" in way for way in proposal.remedies)
 
 
 def test_torque_that_may_not_change_fast_enough_is_refused(
@@ -553,7 +555,7 @@ def test_torque_that_may_not_change_fast_enough_is_refused(
 
 
 def test_pushes_ask_for_torque_too(two_link: rbi.ArmModel, needed: Array) -> None:
-    pushed = Spread(position=0.1, velocity=0.8, acceleration=8.0)
+    pushed = MotionMargin(position=0.1, velocity=0.8, acceleration=8.0)
     proposal = propose_within(two_link, 1.2 * needed, spread=pushed)
     assert not proposal.feasible
     assert propose_within(two_link, 1.2 * needed).feasible
@@ -625,13 +627,13 @@ def test_body_that_the_model_carries_comes_back_from_the_file(tmp_path: Path) ->
 def test_refused_gains_are_not_read(refused: GainProposal, tmp_path: Path) -> None:
     path = save_gains(refused, tmp_path / "gains.json")
     assert json.loads(path.read_text("utf-8"))["joint"] == refused.joint
-    with pytest.raises(rbi.GainError, match="refused"):
+    with pytest.raises(rbi.ParameterError, match="refused"):
         load_gains(path)
 
 
 def test_gains_of_another_arm_are_not_taken(accepted: GainProposal, tmp_path: Path) -> None:
     gains = load_gains(save_gains(accepted, tmp_path / "gains.json"))
-    with pytest.raises(rbi.GainError, match="manipulator"):
+    with pytest.raises(rbi.ParameterError, match="manipulator"):
         gains.controller(manipulator(), rbi.Impedance(mass=1.0, damping=10.0, stiffness=20.0))
 
 

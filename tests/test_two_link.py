@@ -13,7 +13,7 @@ import rbimpedance as rbi
 
 from .oracles import two_link
 
-Knowledge = Literal["mass", "full"]
+Knowledge = Literal["inertia", "full"]
 IN_PLANE = [0, 2]  # rows of the spatial Jacobian: velocity along x and z of the world
 
 
@@ -63,14 +63,14 @@ def test_arm_says_what_the_paper_gives(arm: rbi.ArmModel) -> None:
 
 
 @cache
-def _paper(knowledge: Knowledge, duration: float, step: float = 1e-3) -> rbi.SimulationResult:
-    return rbi.scenarios.paper(known=knowledge, dt=step, duration=duration, substeps=4).simulate()
+def _paper(model: Knowledge, duration: float, step: float = 1e-3) -> rbi.SimulationResult:
+    return rbi.scenarios.paper(known=model, dt=step, duration=duration, substeps=4).simulate()
 
 
-@pytest.mark.parametrize("knowledge", ["mass", "full"])
-def test_closed_loop_follows_the_closed_form_loop(knowledge: Knowledge) -> None:
-    result = _paper(knowledge, duration=0.5)
-    truth = two_link.closed_loop(knowledge, duration=0.5, step=1e-3, substeps=4)
+@pytest.mark.parametrize("model", ["inertia", "full"])
+def test_closed_loop_follows_the_closed_form_loop(model: Knowledge) -> None:
+    result = _paper(model, duration=0.5)
+    truth = two_link.closed_loop(model, duration=0.5, step=1e-3, substeps=4)
     assert_allclose(result.t, truth.t, rtol=0.0, atol=1e-12)
     assert_allclose(result.e1, truth.e1, rtol=0.0, atol=1e-9)
     assert_allclose(result.e2, truth.e2, rtol=0.0, atol=1e-9)
@@ -78,28 +78,26 @@ def test_closed_loop_follows_the_closed_form_loop(knowledge: Knowledge) -> None:
     assert_allclose(result.tau_ext, truth.tau_ext, rtol=0.0, atol=1e-9)
 
 
-@pytest.mark.parametrize("knowledge", ["mass", "full"])
-def test_halving_the_step_halves_the_distance_to_the_fine_solution(knowledge: Knowledge) -> None:
+@pytest.mark.parametrize("model", ["inertia", "full"])
+def test_halving_the_step_halves_the_distance_to_the_fine_solution(model: Knowledge) -> None:
     fine_step, steps = 2e-5, np.array([4e-3, 2e-3, 1e-3])
-    fine = two_link.closed_loop(knowledge, duration=0.5, step=fine_step, substeps=1).e1
+    fine = two_link.closed_loop(model, duration=0.5, step=fine_step, substeps=1).e1
     errors = [
-        np.abs(_paper(knowledge, 0.5, step).e1 - fine[:: round(step / fine_step)]).max()
+        np.abs(_paper(model, 0.5, step).e1 - fine[:: round(step / fine_step)]).max()
         for step in steps
     ]
     order = np.polyfit(np.log(steps), np.log(errors), 1)[0]
     assert order == pytest.approx(1.0, abs=0.1)
 
 
-@pytest.mark.parametrize(("knowledge", "figure"), [("mass", 1.22e-2), ("full", 1.02e-2)])
-def test_error_left_after_ten_seconds_is_the_known_figure(
-    knowledge: Knowledge, figure: float
-) -> None:
-    result = _paper(knowledge, duration=10.0)
+@pytest.mark.parametrize(("model", "figure"), [("inertia", 1.22e-2), ("full", 1.02e-2)])
+def test_error_left_after_ten_seconds_is_the_known_figure(model: Knowledge, figure: float) -> None:
+    result = _paper(model, duration=10.0)
     assert np.abs(result.e1[-1]).max() == pytest.approx(figure, rel=0.03)
 
 
 def test_sampled_forward_euler_chatters() -> None:
-    result = _paper("mass", duration=10.0)
+    result = _paper("inertia", duration=10.0)
     last = result.tau[result.t >= 5.0, 0]
     variation = np.abs(np.diff(last)).sum() / 5.0
     assert variation == pytest.approx(101.0, rel=0.1)  # the motion itself needs 4.2 N·m/s

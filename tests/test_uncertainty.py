@@ -214,7 +214,7 @@ def test_step_is_pure_noise_included() -> None:
 
 def test_perfect_loop_leaves_the_controller_alone() -> None:
     probe = Probe(pendulum())
-    assert Uncertainty(payload=1.0).sample(probe.arm, 1)[0].around(probe) is probe
+    assert Uncertainty(payload=1.0).sample(probe.arm, 1)[0].wrap(probe) is probe
 
 
 @pytest.mark.parametrize(
@@ -233,7 +233,7 @@ def test_perfect_loop_leaves_the_controller_alone() -> None:
     ],
 )
 def test_ranges_that_cannot_be_are_refused(settings: dict[str, Any], word: str) -> None:
-    with pytest.raises(rbi.GainError, match=word):
+    with pytest.raises(rbi.ParameterError, match=word):
         Uncertainty(**settings)
 
 
@@ -256,5 +256,5 @@ def test_unknown_payload_frame_is_refused() -> None:
 
 
 def test_sample_needs_at_least_one() -> None:
-    with pytest.raises(rbi.GainError, match="count"):
+    with pytest.raises(rbi.ParameterError, match="count"):
         Uncertainty().sample(pendulum(), 0)

@@ -36,7 +36,7 @@ def test_blend_is_the_straight_line_between_the_matrices() -> None:
             strict=True,
         ):
             assert_allclose(c, (1.0 - share) * a + share * b, rtol=1e-12)
-    with pytest.raises(rbi.GainError, match=r"^share must be"):
+    with pytest.raises(rbi.ParameterError, match=r"^share must be"):
         blend(first, second, 1.1, 2)
 
 
@@ -105,7 +105,7 @@ def test_unusable_sequence_is_refused() -> None:
     one = rbi.Impedance(1.0, 1.0, 1.0)
     with pytest.raises(rbi.DimensionError, match="at least three"):
         check_variation([one, one], DT, 1)
-    with pytest.raises(rbi.GainError, match=r"^dt must be"):
+    with pytest.raises(rbi.ParameterError, match=r"^dt must be"):
         check_variation([one] * 3, 0.0, 1)
     with pytest.raises(rbi.DimensionError, match="stiffness"):
         check_variation([rbi.Impedance(1.0, 1.0, [1.0, 2.0])] * 3, DT, 3)
@@ -171,6 +171,6 @@ def test_controller_with_another_impedance_is_otherwise_the_same(
     controller: rbi.ImpedanceController,
 ) -> None:
     other = controller.with_impedance(rbi.Impedance(2.0, 15.0, 90.0))
-    for name in ("arm", "surface", "reaching", "dt", "knowledge", "limits"):
+    for name in ("arm", "surface", "reaching", "dt", "model", "limits"):
         assert getattr(other, name) is getattr(controller, name)
     assert float(controller.impedance.stiffness) == 20.0  # type: ignore[attr-defined]

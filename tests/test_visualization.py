@@ -20,7 +20,7 @@ import pytest
 import trimesh
 
 import rbimpedance as rbi
-from rbimpedance import ArmModel, GainError, ModelError, SimulationResult, load_robot, view
+from rbimpedance import ArmModel, ModelError, ParameterError, SimulationResult, load_robot, view
 from rbimpedance.interaction import FrameWrench, Sum
 from rbimpedance.pictures.page.drawing import Drawing
 from rbimpedance.pictures.page.meshes import CompactMesh, read_mesh, thinned
@@ -411,7 +411,7 @@ def test_port_is_free_again_after_close_and_taken_before(two_link: ArmModel) -> 
     first = view(two_link)
     port = int(first.url.split(":")[2].strip("/"))
     second = view(two_link, port=port)
-    with pytest.raises(GainError, match=r"port must be free") as caught:
+    with pytest.raises(ParameterError, match=r"port must be free") as caught:
         _ = second.url
     assert (caught.value.name, caught.value.value) == ("port", port)
     first.close()

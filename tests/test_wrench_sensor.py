@@ -94,7 +94,7 @@ def test_calibration_finds_mass_centre_and_bias(rng: np.random.Generator) -> Non
 def test_poses_that_do_not_tell_bias_from_weight_are_refused() -> None:
     arm = manipulator()
     poses = np.tile(np.full(6, 0.4), (4, 1))
-    with pytest.raises(rbi.GainError, match=r"^configurations must be poses in which gravity"):
+    with pytest.raises(rbi.ParameterError, match=r"^configurations must be poses in which gravity"):
         calibrate_tool(arm, poses, np.ones((4, 6)))
     with pytest.raises(rbi.DimensionError, match=r"^readings must be shape \(4, 6\)"):
         calibrate_tool(arm, poses, np.ones((3, 6)))
@@ -102,7 +102,7 @@ def test_poses_that_do_not_tell_bias_from_weight_are_refused() -> None:
 
 def test_unusable_sensor_is_refused() -> None:
     arm = manipulator()
-    with pytest.raises(rbi.GainError, match=r"^tool_mass must be"):
+    with pytest.raises(rbi.ParameterError, match=r"^tool_mass must be"):
         WrenchSensor(arm, tool_mass=-1.0)
     with pytest.raises(rbi.ModelError, match="no frame 'wrist'"):
         WrenchSensor(arm, "wrist")

@@ -64,7 +64,7 @@ def measure(name: str, halvings: int, said: Said) -> dict[str, Any]:
         if not proposal.feasible:
             raise SystemExit(f"{name}, {label}: {proposal.reason}")
         trial = Trial(arm, plant, proposal.controller())
-        sets[label] = _said_of(trial) | _bounds(trial, halvings, label == "default", said)
+        sets[label] = _law_of(trial) | _bounds(trial, halvings, label == "default", said)
     default = propose(arm, name, 1e-3)
     return {
         "arm": name,
@@ -79,7 +79,7 @@ STEPS = len(SETS) * 5 + 4 + len(ROTORS)
 """How often `measure` says that something is done."""
 
 
-def _said_of(trial: Trial) -> dict[str, Any]:
+def _law_of(trial: Trial) -> dict[str, Any]:
     law = trial.controller
     return {
         "margin": float(np.max(law.reaching.margin)),
@@ -137,7 +137,7 @@ def _honest(arm: rbi.ArmModel, plant: rbi.ArmModel, name: str, said: Said) -> di
     found: dict[str, Any] = {"feasible": proposal.feasible, "reason": proposal.reason}
     if proposal.feasible:
         trial = Trial(arm, plant, proposal.controller())
-        found |= _said_of(trial)
+        found |= _law_of(trial)
         found["run"] = trial.run(hardware)
         found["bits"] = fewest_bits(lambda bits: trial.is_quiet(with_bits(hardware, bits)))
     said()
@@ -152,7 +152,7 @@ def _slower(
     for side, hardware in (("motor", USUAL), ("link", _on_link(USUAL))):
         trial = _fastest_stable(arm, plant, proposal, hardware)
         if trial is not None:
-            found[side] = _said_of(trial) | {"run": trial.run(with_bits(hardware, FINE_BITS))}
+            found[side] = _law_of(trial) | {"run": trial.run(with_bits(hardware, FINE_BITS))}
         said()
     return found
 
@@ -167,7 +167,7 @@ def _rotors(name: str, rotor: float, said: Said) -> dict[str, Any]:
             break
         trial = Trial(arm, plant, proposal.controller())
         if trial.linear(hardware).is_stable() and trial.run(hardware)["quiet"]:
-            found |= _said_of(trial) | {"delay": delay, "run": trial.run(hardware)}
+            found |= _law_of(trial) | {"delay": delay, "run": trial.run(hardware)}
             break
     said()
     return found

@@ -145,12 +145,12 @@ def _simulated(controller: Any, plant: rbi.DrivenPlant, length: float) -> rbi.Si
     for substeps in SUBSTEPS:
         try:
             plant.begin(plant.arm.neutral, np.zeros(plant.arm.nv), DT / substeps)
-        except rbi.GainError:
+        except rbi.ParameterError:
             continue
         return rbi.simulate(
             controller, plant, trajectory, wrench=PUSH, duration=length, substeps=substeps
         )
-    raise rbi.GainError("stiffness", "the springs'", f"borne by {SUBSTEPS[-1]} substeps")
+    raise rbi.ParameterError("stiffness", "the springs'", f"borne by {SUBSTEPS[-1]} substeps")
 
 
 def arm_and_plant(name: str, rotor: float = ROTOR) -> tuple[rbi.ArmModel, rbi.ArmModel]:

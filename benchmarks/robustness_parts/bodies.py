@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from rbimpedance.tuning import GainProposal, Spread, Uncertainty
+from rbimpedance.tuning import GainProposal, MotionMargin, Uncertainty
 from rbimpedance.tuning.mismatch import measure
 from rbimpedance.tuning.motions import sample_motions
 
@@ -47,7 +47,7 @@ def body(
         payload_gyration=(gyration, gyration),
     )
     proposal = propose(arm, unknown, motion(arm), DT, seed=seed)
-    motions = sample_motions(arm, motion(arm), DURATION, DT, 25, seed, Spread())
+    motions = sample_motions(arm, motion(arm), DURATION, DT, 25, seed, MotionMargin())
     empty = measure(arm, unknown.extremes(arm), motions, DT).rho
     row = said(proposal) | {"factor": factor, "gyration": gyration, "lever": lever, "empty": empty}
     if proposal.feasible:
@@ -57,7 +57,7 @@ def body(
     way = said(known)
     return row | {
         "way": way | _tested(known, unknown, plants, seed) if known.feasible else way,
-        "ways_out": proposal.ways_out,
+        "remedies": proposal.remedies,
     }
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 import rbimpedance as rbi
 from rbimpedance.trajectories import Trajectory, cosine
-from rbimpedance.tuning import GainProposal, PlantSample, Spread, Uncertainty, propose_gains
+from rbimpedance.tuning import GainProposal, MotionMargin, PlantSample, Uncertainty, propose_gains
 from rbimpedance.tuning.gain_design import Task, design, measure_task
 from rbimpedance.tuning.worst_case import controller_for, needed_variation, true_error
 
@@ -81,7 +81,7 @@ def run(proposal: GainProposal, sample: PlantSample, **limits: Any) -> Figures:
     figures: Figures = {"payload": sample.payload, "inertia_scale": sample.inertia_scale}
     try:
         result = simulate(
-            sample.around(proposal.controller(**limits)),
+            sample.wrap(proposal.controller(**limits)),
             sample.plant,
             proposal.trajectory,
             q0=proposal.nominal.neutral,
@@ -124,7 +124,7 @@ def knowing(plant: rbi.ArmModel, trajectory: Trajectory) -> dict[str, float]:
         samples=1,
         instants=25,
         seed=0,
-        spread=Spread(),
+        spread=MotionMargin(),
         limits=None,
     )
     gains = design(task, measure_task(task))

@@ -96,7 +96,7 @@ def _energies(result: rbi.SimulationResult, plant: rbi.ArmModel) -> dict[str, Ar
         "motors, less the height": energy.motors - energy.potential,
         "wall": energy.environment,
         "motion": energy.kinetic,
-        "lacking": energy.residual,
+        "acceleration_deficit": energy.residual,
     }
 
 
@@ -140,7 +140,7 @@ def tables(data: Mapping[str, Any]) -> dict[str, str]:
     header = (
         *("arm, pose", "plant", "contacts (alone)", "peak force [N] (alone)"),
         *("steady force [N] (alone)", "largest difference, share of the peak"),
-        *("energy into the wall [mJ]", "lacking in the balance [mJ]"),
+        *("energy into the wall [mJ]", "acceleration_deficit in the balance [mJ]"),
     )
     first = [row for row in data["rows"] if row["place"] == FIRST]
     sensed = [
@@ -207,7 +207,7 @@ def _draw_energy(row: Mapping[str, Any], path: Path) -> None:
     t, energy = row["_curves"]["t"], row["_energy"]
     for name in ("motors, less the height", "wall", "motion"):
         parts.plot(t, energy[name], label=name)
-    lost.plot(t, 1e3 * energy["lacking"])
+    lost.plot(t, 1e3 * energy["acceleration_deficit"])
     parts.set(xlabel="t [s]", ylabel="[J]", title="where the energy goes")
     lost.set(xlabel="t [s]", ylabel="[mJ]", title="what the balance lacks")
     parts.legend()

@@ -150,8 +150,11 @@ def tables(data: Mapping[str, Any]) -> dict[str, str]:
     lines = []
     for age in AGES:
         exact = [found[FIRST, "exact", ratio, age] for ratio in RATIOS]
-        lacking = [found.get((FIRST, "heavy", ratio, age)) for ratio in RATIOS]
-        cells = [_pair(row) + _alone(other) for row, other in zip(exact, lacking, strict=True)]
+        acceleration_deficit = [found.get((FIRST, "heavy", ratio, age)) for ratio in RATIOS]
+        cells = [
+            _pair(row) + _alone(other)
+            for row, other in zip(exact, acceleration_deficit, strict=True)
+        ]
         lines.append(
             (
                 f"{age} ms",

@@ -14,7 +14,7 @@ import rbimpedance as rbi
 from rbimpedance import trajectories
 from rbimpedance.interaction import Push, Sum
 from rbimpedance.interaction.estimators import MomentumObserver, SuperTwistingMomentumObserver
-from rbimpedance.simulation.replay import sense
+from rbimpedance.simulation.replay import replay_sensor
 
 from .achieved import WANTED
 from .common import DT, Array, Figures, Job, Options, Part, markdown, simulate
@@ -57,7 +57,7 @@ def estimate(lack: str, seed: int) -> Figures:
     noisy = dataclasses.replace(result, v=result.v + 1e-3 * rng.standard_normal(result.v.shape))
     unknown = _unknown_torque(result, arm, plant)
     seen = {name: _estimator_row(result, noisy, unknown, one) for name, one in means.items()}
-    curves = {name: sense(result, one) for name, one in means.items()}
+    curves = {name: replay_sensor(result, one) for name, one in means.items()}
     return {"lack": lack, "seen": seen, "_t": result.t, "_truth": result.tau_ext, "_told": curves}
 
 
@@ -81,14 +81,16 @@ def _estimator_row(
     def rms(x: Array) -> float:
         return float(np.sqrt(np.mean(x[late] ** 2, axis=0)).max())
 
-    told = sense(result, estimator)
+    told = replay_sensor(result, estimator)
     error = told - result.tau_ext
     return {
         "torque of the contact, rms [N m]": rms(result.tau_ext),
         "torque that the model lacks, rms [N m]": rms(unknown),
         "error of the estimate, rms [N m]": rms(error),
         "the same less what the model lacks, rms [N m]": rms(error - unknown),
-        "added by 1e-3 rad/s of velocity noise, rms [N m]": rms(sense(noisy, estimator) - told),
+        "added by 1e-3 rad/s of velocity noise, rms [N m]": rms(
+            replay_sensor(noisy, estimator) - told
+        ),
     }
 
 

@@ -40,7 +40,7 @@ def within_limits(name: str, locked: bool, plants: int, seed: int) -> Figures:
     arm = load(name, lock=GRIPPERS.get(name, ()) if locked else ())
     unknown = Uncertainty(payload=ARMS[name], inertia_scale=1.1)
     proposal = propose(arm, unknown, motion(arm), DT, seed=seed, limits=arm.effort_limit)
-    row = _row(proposal) | {"locked": locked, "ways_out": proposal.ways_out}
+    row = _row(proposal) | {"locked": locked, "remedies": proposal.remedies}
     if proposal.feasible:
         samples = unknown.sample(arm, plants, seed=seed + 1)
         tests = [run(proposal, sample) for sample in samples]
@@ -64,7 +64,7 @@ def verge(name: str, plants: int, seed: int) -> Figures:
         _row(accepted)
         | summary(tests)
         | {name: max(test[name] for test in tests) for name in ("last", "saturated")}
-        | {"period": good, "no": _row(refused) | {"period": bad, "ways_out": refused.ways_out}}
+        | {"period": good, "no": _row(refused) | {"period": bad, "remedies": refused.remedies}}
         | {"faster": [_denied(at, good / factor, factor) for factor in FASTER]}
     )
 
@@ -168,7 +168,7 @@ def _faster(case: Mapping[str, Any]) -> str:
 
 
 def _ways(row: Mapping[str, Any]) -> str:
-    return "Ways out: " + "; ".join(row["ways_out"]) + "."
+    return "Ways out: " + "; ".join(row["remedies"]) + "."
 
 
 PARTS = {"limits": Part(jobs, collect, tables)}

@@ -148,7 +148,7 @@ def target_alone(
     for k in range(ticks * steps):
         t = k * DT / steps
         desired = trajectory(t)
-        q, v = arm.unchecked.integrate(desired.q, q_e), desired.v + v_e
+        q, v = arm.raw_dynamics.integrate(desired.q, q_e), desired.v + v_e
         if k % steps == 0:
             force[k // steps] = wall.force(arm, t, q, v)
         q_e, v_e = target.advance(q_e, v_e, wall.torque(arm, t, q, v))

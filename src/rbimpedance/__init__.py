@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from . import interaction as interaction
 from . import trajectories as trajectories
+from ._common.deprecation import warn_renamed as _warn_renamed
 from ._common.leaf import leaf as _leaf
 from ._moved import MOVED as _MOVED
 from ._moved import MovedModules as _MovedModules
@@ -24,16 +25,16 @@ from .control.guards import EnergyTank as EnergyTank
 from .control.guards import FaultGuard as FaultGuard
 from .control.guards import OperatingRange as OperatingRange
 from .control.guards.reference_guard import ReferenceGuard as ReferenceGuard
-from .control.realtime import LeanController as LeanController
+from .control.realtime import RealtimeController as RealtimeController
 from .control.snapshot import load_snapshot as load_snapshot
 from .control.snapshot import save_snapshot as save_snapshot
 from .exceptions import DimensionError as DimensionError
 from .exceptions import DivergenceError as DivergenceError
-from .exceptions import GainError as GainError
 from .exceptions import InputError as InputError
 from .exceptions import MissingExtraError as MissingExtraError
 from .exceptions import ModelError as ModelError
 from .exceptions import NonFiniteError as NonFiniteError
+from .exceptions import ParameterError as ParameterError
 from .exceptions import RBImpedanceError as RBImpedanceError
 from .exceptions import UnsupportedJointError as UnsupportedJointError
 from .interaction import FrameWrench as FrameWrench
@@ -73,8 +74,8 @@ from .simulation.energy import energy_balance as energy_balance
 from .simulation.plants import DrivenPlant as DrivenPlant
 from .simulation.plants import MujocoPlant as MujocoPlant
 from .simulation.plants import engine_agreement as engine_agreement
-from .simulation.replay import observe as observe
-from .simulation.replay import sense as sense
+from .simulation.replay import estimate_disturbance as estimate_disturbance
+from .simulation.replay import replay_sensor as replay_sensor
 from .simulation.result import SimulationResult as SimulationResult
 from .study import Experiment as Experiment
 from .study import Study as Study
@@ -83,7 +84,7 @@ from .study import run_study as run_study
 from .study import summarize as summarize
 from .trajectories import Reference as Reference
 from .tuning import GainProposal as GainProposal
-from .tuning import Spread as Spread
+from .tuning import MotionMargin as MotionMargin
 from .tuning import Uncertainty as Uncertainty
 from .tuning import propose_gains as propose_gains
 
@@ -96,6 +97,15 @@ __version__ = "0.1.0"
 
 _LOADED_WHEN_USED = {"view": "pictures.viewer", "Viewer": "pictures.viewer"}
 
+_RENAMED = {
+    "GainError": "ParameterError",
+    "LeanController": "RealtimeController",
+    "Spread": "MotionMargin",
+    "observe": "estimate_disturbance",
+    "sense": "replay_sensor",
+}
+"""Old public names, kept for one release, and the new ones."""
+
 _sys.meta_path.append(_MovedModules())
 
 
@@ -105,6 +115,9 @@ def __getattr__(name: str) -> object:
         return getattr(_leaf(_LOADED_WHEN_USED[name]), name)
     if name == "figures":
         return _leaf("pictures.figures")
+    if name in _RENAMED:
+        _warn_renamed(f"rbimpedance.{name}", f"rbimpedance.{_RENAMED[name]}")
+        return globals()[_RENAMED[name]]
     if f"{__name__}.{name}" in _MOVED:
         return _import_module(f"{__name__}.{name}")
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

@@ -6,6 +6,7 @@ Messages are built in ``__str__`` from the data that the error carries, so that 
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -40,7 +41,7 @@ class UnsupportedJointError(ModelError):
         return f"unsupported joint {names}: {self.reason}"
 
 
-class GainError(RBImpedanceError, ValueError):
+class ParameterError(RBImpedanceError, ValueError):
     """A gain or setting lies outside its admissible set.
 
     Attributes:
@@ -140,3 +141,11 @@ class MissingExtraError(RBImpedanceError, ImportError):
         return (
             f"{self.feature} needs an optional dependency: pip install 'rbimpedance[{self.extra}]'"
         )
+
+
+def __getattr__(name: str) -> object:
+    """Answer the old name of an error, for one release."""
+    if name == "GainError":
+        warnings.warn("GainError is now ParameterError", DeprecationWarning, stacklevel=2)
+        return ParameterError
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ._common.arrays import Array, per_joint, positive, real, vector
-from .exceptions import DimensionError, GainError
+from .exceptions import DimensionError, ParameterError
 from .robot.arm_model import ArmModel
 
 
@@ -77,7 +77,7 @@ def cosine(
     Raises:
         DimensionError: Wrong shape or kind.
         NonFiniteError: An input holds NaN or infinity.
-        GainError: A period that is not positive.
+        ParameterError: A period that is not positive.
     """
     middle = _center(arm, center)
     swing = vector("amplitude", _spread("amplitude", amplitude, arm.nv), arm.nv).copy()
@@ -101,7 +101,7 @@ def waypoints(
     Raises:
         DimensionError: Wrong shape or kind, or not one time for each configuration.
         NonFiniteError: An input holds NaN or infinity.
-        GainError: Times that do not increase.
+        ParameterError: Times that do not increase.
     """
     knots = [
         np.array(arm.check_configuration(f"configurations[{i}]", q))
@@ -115,8 +115,8 @@ def waypoints(
             f"{len(instants)} for {len(knots)}",
         )
     if not (np.diff(instants) > 0.0).all():
-        raise GainError("times", list(times), "strictly increasing")
-    steps = [arm.unchecked.difference(a, b) for a, b in pairwise(knots)]
+        raise ParameterError("times", list(times), "strictly increasing")
+    steps = [arm.raw_dynamics.difference(a, b) for a, b in pairwise(knots)]
     return _Waypoints(arm, np.array(knots), np.array(steps), instants)
 
 
@@ -174,7 +174,7 @@ def _integrate_each(arm: ArmModel, q: Array, steps: Array) -> Array:
     if arm.nq == arm.nv:
         return np.asarray(q + steps)
     q = np.broadcast_to(q, (len(steps), arm.nq))
-    return np.array([arm.unchecked.integrate(*row) for row in zip(q, steps, strict=True)])
+    return np.array([arm.raw_dynamics.integrate(*row) for row in zip(q, steps, strict=True)])
 
 
 def _center(arm: ArmModel, center: ArrayLike | None) -> Array:

@@ -105,7 +105,7 @@ class Run(NamedTuple):
 
 
 def closed_loop(
-    knowledge: Literal["mass", "full"], duration: float, step: float, substeps: int
+    knowledge: Literal["inertia", "full"], duration: float, step: float, substeps: int
 ) -> Run:
     """Simulate section 4 under the paper's law, sampled with forward Euler.
 

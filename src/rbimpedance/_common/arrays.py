@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..exceptions import DimensionError, GainError, NonFiniteError
+from ..exceptions import DimensionError, NonFiniteError, ParameterError
 
 Array: TypeAlias = NDArray[np.float64]
 """What the library returns: float64, C-contiguous, native byte order."""
@@ -45,7 +45,7 @@ def positive(name: str, value: ArrayLike) -> Array:
     """Return a read-only scalar or vector of positive, finite gains.
 
     Raises:
-        GainError: An entry is not a positive finite number, or the shape is neither () nor (nv,).
+        ParameterError: An entry is not a positive finite number, or the shape is neither () nor (nv,).
     """
     return gain(name, value, "positive", lambda x: x > 0.0)
 
@@ -59,11 +59,11 @@ def positive_number(name: str, value: Any, meaning: str) -> float:
         meaning: What it is, in words ("control period in seconds").
 
     Raises:
-        GainError: It is anything else.
+        ParameterError: It is anything else.
     """
     is_number = isinstance(value, int | float | np.integer | np.floating)
     if not is_number or isinstance(value, bool) or not 0.0 < float(value) < np.inf:
-        raise GainError(name, value, f"a positive, finite {meaning}")
+        raise ParameterError(name, value, f"a positive, finite {meaning}")
     return float(value)
 
 
@@ -80,21 +80,21 @@ def gain(name: str, value: ArrayLike, admissible: str, is_admissible: Any) -> Ar
         A read-only copy, shape () or (nv,).
 
     Raises:
-        GainError: Outside the admissible set.
+        ParameterError: Outside the admissible set.
     """
     words = f"{admissible} and finite, a scalar or one number per joint"
     try:
         array = np.array(real(name, value, words))
     except DimensionError as error:
-        raise GainError(name, value, words) from error
+        raise ParameterError(name, value, words) from error
     if array.ndim > 1 or not np.isfinite(array).all() or not np.all(is_admissible(array)):
-        raise GainError(name, value, words)
+        raise ParameterError(name, value, words)
     array.setflags(write=False)
     return array
 
 
 def per_joint(name: str, value: Array, nv: int) -> Array:
-    """Spread a scalar gain over the joints, or check that there is one for each.
+    """MotionMargin a scalar gain over the joints, or check that there is one for each.
 
     Raises:
         DimensionError: Neither a scalar nor of shape (nv,).
@@ -110,7 +110,7 @@ def not_negative(name: str, value: ArrayLike, nv: int) -> Array:
     """Return numbers from 0 on, shape (nv,).
 
     Raises:
-        GainError: Anything else.
+        ParameterError: Anything else.
         DimensionError: They are given for another number of joints.
     """
     return per_joint(name, gain(name, value, "zero or positive", lambda x: x >= 0.0), nv)

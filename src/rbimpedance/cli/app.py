@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 import typer
@@ -21,13 +21,13 @@ from .. import __version__
 from .._common.arrays import Array
 from .._common.files import remove_parts
 from ..control.controller import ImpedanceController
-from ..exceptions import DivergenceError, GainError, RBImpedanceError
+from ..exceptions import DivergenceError, ParameterError, RBImpedanceError
 from ..interaction import FrameWrench
 from ..law.impedance import Impedance
 from ..law.super_twisting import Scheme, SuperTwisting
 from ..pictures import figures as plotting
 from ..robot.arm_model import ArmModel
-from ..robot.knowledge import Knowledge
+from ..robot.knowledge import as_knowledge
 from ..robot.load import load_robot
 from ..robot.loading.encoding import decoded
 from ..robot.loading.strict_xml import MAX_CHARACTERS
@@ -84,7 +84,10 @@ Repair = Annotated[
     bool,
     typer.Option("--repair", help="Mend what has one obvious mend in the description, and say so."),
 ]
-Known = Annotated[Knowledge, typer.Option("--known", help="What the controller knows of the arm.")]
+Known = Annotated[
+    Literal["full", "inertia", "mass"],
+    typer.Option("--model", "--known", help="What the controller knows; mass: old for inertia."),
+]
 Surface = Annotated[SurfaceName, typer.Option("--surface", help="Sliding surface.")]
 SchemeName = Annotated[Scheme, typer.Option("--scheme", help="Discretisation of the law.")]
 Period = Annotated[float, typer.Option("--dt", metavar="S", help="Control period in s.")]
@@ -103,7 +106,7 @@ Html = Annotated[
     epilog="Example: rbimpedance paper --surface fast-terminal --scheme matched --out out",
 )
 def paper_command(
-    known: Known = "mass",
+    known: Known = "inertia",
     surface: Surface = "power",
     scheme: SchemeName = "explicit",
     dt: Period = 1e-3,
@@ -113,7 +116,9 @@ def paper_command(
     quiet: Quiet = False,
 ) -> None:
     """Reproduce section 4 of the paper: figures 2 to 4, the data, and every mend and baseline beside it."""
-    scenario = paper(known=known, surface=surface, scheme=scheme, dt=dt, duration=duration)
+    scenario = paper(
+        known=as_knowledge(known), surface=surface, scheme=scheme, dt=dt, duration=duration
+    )
     figures = {
         "fig2_errors": plotting.tracking_errors,
         "fig3_impedance_error": plotting.impedance_error,
@@ -122,7 +127,7 @@ def paper_command(
     result, files = _simulate(scenario, out, "paper", figures, quiet=quiet or as_json)
     compared = _compare(dt, duration, quiet=quiet or as_json)
     files.append(plotting.save(plotting.comparison(compared), out / "comparison.png"))
-    title = f"two_link, {known} known, {surface} surface, {scheme} scheme, dt = {dt:g} s"
+    title = f"two_link, {known} model, {surface} surface, {scheme} scheme, dt = {dt:g} s"
     if as_json:
         said = {"title": title, "joints": result.joint_names, "metrics": result_figures(result)}
         print_json(said | {"comparison": comparison_figures(compared)})
@@ -130,7 +135,7 @@ def paper_command(
     if not quiet:
         print_table(result_table(title, result))
         print_table(
-            comparison_table("The same with each mend, and the baselines; mass known", compared)
+            comparison_table("The same with each mend, and the baselines; inertia known", compared)
         )
     _say_written(files)
 
@@ -200,7 +205,7 @@ def run(
             surface=paper_surface(surface),
             reaching=SuperTwisting(_numbers("--k1", k1), _numbers("--k2", k2), scheme),
             dt=dt,
-            knowledge=known,
+            model=as_knowledge(known),
         )
     force = np.zeros(3) if wrench is None else _numbers("--wrench", wrench, 3)
     if html is not None:
@@ -493,9 +498,9 @@ def _numbers(option: str, text: str, count: int | None = None) -> Array:
     try:
         values = np.array([float(part) for part in text.split(",")])
     except ValueError as error:
-        raise GainError(option, text, wanted) from error
+        raise ParameterError(option, text, wanted) from error
     if count is not None and len(values) != count:
-        raise GainError(option, text, wanted)
+        raise ParameterError(option, text, wanted)
     return values if count is not None or len(values) > 1 else values[0]
 
 
@@ -504,7 +509,9 @@ def _effort_limits(arm: ArmModel, limits: str | None) -> Array | None:
     if limits != "urdf":
         return None if limits is None else _numbers("--limits", limits)
     if not np.isfinite(arm.effort_limit).any():
-        raise GainError("--limits", limits, f"numbers: '{arm.name}' comes without effort limits")
+        raise ParameterError(
+            "--limits", limits, f"numbers: '{arm.name}' comes without effort limits"
+        )
     return arm.effort_limit
 
 

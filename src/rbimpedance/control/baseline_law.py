@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, positive_number
+from .._common.deprecation import renamed_arguments
 from .._common.frozen import set_fields
 from ..law.impedance import TargetFilter, TargetImpedance
 from ..robot.arm_model import ArmModel
-from ..robot.knowledge import Knowledge, check_knowledge
+from ..robot.knowledge import Knowledge, as_knowledge
 from ..robot.pinocchio_dynamics import PinocchioDynamics
 from ..trajectories import Reference
 from .controller import ControllerOutput
@@ -47,25 +48,25 @@ class Baseline(ABC):
     arm: ArmModel
     impedance: TargetImpedance
     dt: float
-    knowledge: Knowledge
+    model: Knowledge
     _filter: TargetFilter
 
+    @renamed_arguments(knowledge="model")
     def __init__(
         self,
         arm: ArmModel,
         impedance: TargetImpedance,
         dt: float,
         *,
-        knowledge: Knowledge = "full",
+        model: Knowledge = "full",
     ) -> None:
         dt = positive_number("dt", dt, "control period in seconds")
-        check_knowledge(knowledge)
         set_fields(
             self,
             arm=arm,
             impedance=impedance,
             dt=dt,
-            knowledge=knowledge,
+            model=as_knowledge(model),
             _filter=impedance.filter(arm.nv, dt),
         )
 
@@ -116,10 +117,10 @@ class Baseline(ABC):
             q_e=q_e.copy(),
             v_e=v_e.copy(),
             saturated=none,
-            guaranteed=none.copy(),
+            premise_holds=none.copy(),
             rate_limited=none.copy(),
             clipped=none.copy(),
-            held=none.copy(),
+            reference_limited=none.copy(),
         )
         return output, BaselineState(*self._filter.advance(q_e, v_e, tick.tau_ext))
 
@@ -135,9 +136,9 @@ class Baseline(ABC):
 
     def _passive_torque(self, q: Array, v: Array, v_ref: Array, a_ref: Array) -> Array:
         """M a_ref + C(q, v) v_ref + g + friction(v), or M a_ref where only M is known."""
-        dynamics = self.arm.unchecked
+        dynamics = self.arm.raw_dynamics
         torque: Array = dynamics.mass_matrix(q) @ a_ref
-        if self.knowledge == "mass":
+        if self.model == "inertia":
             return torque
         gravity = dynamics.bias(q, np.zeros_like(v))
         return torque + coriolis_torque(dynamics, q, v, v_ref) + gravity + dynamics.friction(v)
@@ -145,7 +146,7 @@ class Baseline(ABC):
     def _spring_damper(self, tick: Tracking) -> Array:
         """D_d(v_d - v) + K_d(q_d - q), or what takes their place in a nonlinear target."""
         q_d, v_d, _ = tick.desired
-        position = self.arm.unchecked.difference(tick.q, q_d)
+        position = self.arm.raw_dynamics.difference(tick.q, q_d)
         return self._filter.restoring_torque(position, v_d - tick.v)
 
 

@@ -2,7 +2,7 @@
 
 They share its target, its reference q_r = q_d (+) q_e (paper, eqs. 3 and 4) and its figures e1, e2
 and e_im, so that `simulate` compares like with like, also where a law itself does not use q_r. All
-are immutable and pure. With `knowledge="mass"` a law knows M(q) and nothing else of the arm, as the
+are immutable and pure. With `model="inertia"` a law knows M(q) and nothing else of the arm, as the
 controller in section 4 of the paper: whatever it would take from bias(q, v) is left out.
 """
 
@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, per_joint, positive
+from .._common.deprecation import renamed_arguments
 from .._common.frozen import set_fields
-from ..exceptions import GainError
+from ..exceptions import ParameterError
 from ..law.impedance import TargetImpedance
 from ..robot.arm_model import ArmModel
 from ..robot.knowledge import Knowledge, model_torque
@@ -40,22 +41,22 @@ class ComputedTorqueImpedance(Baseline):
         arm: The controller's model of the arm.
         impedance: Target impedance.
         dt: Control period [s].
-        knowledge: "full"; or "mass", without the term bias(q, v).
+        model: "full"; or "inertia", without the term bias(q, v).
 
     Raises:
-        GainError: dt is not a positive number, or an unknown `knowledge`.
+        ParameterError: dt is not a positive number, or an unknown `model`.
         DimensionError: A gain is given for another number of joints.
 
     References:
-        N. Hogan, Impedance control: an approach to manipulation, parts I-III, Journal of Dynamic
+        N. Hogan, Impedance control: an approach to manipulation, parts I-III, RunLog of Dynamic
         Systems, Measurement, and Control 107, 1985.
     """
 
     def _law(self, tick: Tracking) -> Answer:
         q_d, v_d, a_d = tick.desired
-        deviation = self.arm.unchecked.difference(q_d, tick.q)
+        deviation = self.arm.raw_dynamics.difference(q_d, tick.q)
         a = a_d + self._filter.acceleration(deviation, tick.v - v_d, tick.tau_ext)  # eq. (2)
-        tau = model_torque(self.arm, self.knowledge, tick.q, tick.v, a) - tick.tau_ext
+        tau = model_torque(self.arm, self.model, tick.q, tick.v, a) - tick.tau_ext
         return Answer(tau, np.zeros_like(a), a - tick.a_r)
 
 
@@ -73,18 +74,18 @@ class PDGravity(Baseline):
         arm: The controller's model of the arm.
         impedance: Target impedance; its damping and stiffness are the PD gains.
         dt: Control period [s].
-        knowledge: "full"; or "mass", without g(q).
+        model: "full"; or "inertia", without g(q).
 
     Raises:
-        GainError: dt is not a positive number, or an unknown `knowledge`.
+        ParameterError: dt is not a positive number, or an unknown `model`.
         DimensionError: A gain is given for another number of joints.
     """
 
     def _law(self, tick: Tracking) -> Answer:
         zero = np.zeros_like(tick.v)
         tau = self._spring_damper(tick)
-        if self.knowledge == "full":
-            tau = tau + self.arm.unchecked.bias(tick.q, zero)
+        if self.model == "full":
+            tau = tau + self.arm.raw_dynamics.bias(tick.q, zero)
         return Answer(tau, zero, zero.copy())
 
 
@@ -100,15 +101,15 @@ class PDPlus(Baseline):
         arm: The controller's model of the arm.
         impedance: Target impedance; its damping and stiffness are the PD gains.
         dt: Control period [s].
-        knowledge: "full"; or "mass", without C, g and friction.
+        model: "full"; or "inertia", without C, g and friction.
 
     Raises:
-        GainError: dt is not a positive number, or an unknown `knowledge`.
+        ParameterError: dt is not a positive number, or an unknown `model`.
         DimensionError: A gain is given for another number of joints.
 
     References:
         B. Paden, R. Panja, Globally asymptotically stable 'PD+' controller for robot manipulators,
-        International Journal of Control 47, 1988.
+        International RunLog of Control 47, 1988.
     """
 
     def _law(self, tick: Tracking) -> Answer:
@@ -138,11 +139,11 @@ class FirstOrderSlidingMode(Baseline):
         smoothing: "sign", "boundary-layer" or "dead-zone".
         width: Of boundary layer or dead zone, scalar or (nv,) [rad/s or m/s]; None with the sign. A
             boundary layer thinner than gain·dt/2 chatters like the sign.
-        knowledge: "full"; or "mass", with M(q)·a in place of RNEA.
+        model: "full"; or "inertia", with M(q)·a in place of RNEA.
 
     Raises:
-        GainError: A gain that is not positive, a width where there is none to give or none where it
-            is needed, or an unknown `smoothing` or `knowledge`.
+        ParameterError: A gain that is not positive, a width where there is none to give or none where it
+            is needed, or an unknown `smoothing` or `model`.
         DimensionError: A gain is given for another number of joints.
     """
 
@@ -151,6 +152,7 @@ class FirstOrderSlidingMode(Baseline):
     smoothing: Smoothing
     width: Array | None
 
+    @renamed_arguments(knowledge="model")
     def __init__(
         self,
         arm: ArmModel,
@@ -161,14 +163,14 @@ class FirstOrderSlidingMode(Baseline):
         smoothing: Smoothing = "sign",
         width: ArrayLike | None = None,
         *,
-        knowledge: Knowledge = "full",
+        model: Knowledge = "full",
     ) -> None:
-        super().__init__(arm, impedance, dt, knowledge=knowledge)
+        super().__init__(arm, impedance, dt, model=model)
         if smoothing not in get_args(Smoothing):
             names = ", ".join(map(repr, get_args(Smoothing)))
-            raise GainError("smoothing", smoothing, f"one of {names}")
+            raise ParameterError("smoothing", smoothing, f"one of {names}")
         if (width is None) != (smoothing == "sign"):
-            raise GainError(
+            raise ParameterError(
                 "width", width, "given with a boundary layer or a dead zone, only there"
             )
         set_fields(
@@ -184,7 +186,7 @@ class FirstOrderSlidingMode(Baseline):
         s = tick.e2 + rate * tick.e1
         u = self.gain * self._switch(s)
         tau = (
-            model_torque(self.arm, self.knowledge, tick.q, tick.v, tick.a_r + rate * tick.e2 + u)
+            model_torque(self.arm, self.model, tick.q, tick.v, tick.a_r + rate * tick.e2 + u)
             - tick.tau_ext
         )
         return Answer(tau, s, u)
@@ -213,20 +215,21 @@ class SlotineLi(Baseline):
         surface_rate: Λ > 0, scalar or (nv,) [1/s].
         gain: K_s > 0, scalar or (nv,) [N·m·s/rad or N·s/m].
         dt: Control period [s].
-        knowledge: "full"; or "mass", without C, g and friction.
+        model: "full"; or "inertia", without C, g and friction.
 
     Raises:
-        GainError: A gain that is not positive, or an unknown `knowledge`.
+        ParameterError: A gain that is not positive, or an unknown `model`.
         DimensionError: A gain is given for another number of joints.
 
     References:
-        J.-J. E. Slotine, W. Li, On the adaptive control of robot manipulators, International Journal
+        J.-J. E. Slotine, W. Li, On the adaptive control of robot manipulators, International RunLog
         of Robotics Research 6, 1987.
     """
 
     surface_rate: Array
     gain: Array
 
+    @renamed_arguments(knowledge="model")
     def __init__(
         self,
         arm: ArmModel,
@@ -235,9 +238,9 @@ class SlotineLi(Baseline):
         gain: ArrayLike,
         dt: float,
         *,
-        knowledge: Knowledge = "full",
+        model: Knowledge = "full",
     ) -> None:
-        super().__init__(arm, impedance, dt, knowledge=knowledge)
+        super().__init__(arm, impedance, dt, model=model)
         set_fields(
             self,
             surface_rate=_joint_gain("surface_rate", surface_rate, arm.nv),

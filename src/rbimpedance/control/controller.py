@@ -10,20 +10,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, per_joint, positive_number
+from .._common.deprecation import renamed_arguments, renamed_attribute
 from .._common.frozen import set_fields
-from ..exceptions import GainError, InputError
+from ..exceptions import InputError, ParameterError
 from ..law.bounded_surface import clipped
 from ..law.impedance import TargetFilter, TargetImpedance
 from ..law.limits import Allocation, Limits, as_limits
 from ..law.super_twisting import ReachingState, SuperTwisting
 from ..law.surfaces import Surface
 from ..robot.arm_model import ArmModel
-from ..robot.knowledge import Knowledge, check_knowledge, model_torque
+from ..robot.knowledge import Knowledge, as_knowledge, model_torque
 from ..trajectories import Reference
 from .compiled.selection import compiled_tick
 from .errors import check_measurements, track
 from .protocol import Backend, Step, Tick
-from .realtime import LeanController
+from .realtime import RealtimeController
 from .telemetry import ControllerOutput as ControllerOutput  # noqa: PLC0414 (part of this module's interface)
 from .telemetry import ControllerState as ControllerState  # noqa: PLC0414 (part of this module's interface)
 
@@ -35,7 +36,7 @@ LONGEST_PERIOD = 100.0
 class ImpedanceController:
     """Super-twisting terminal sliding-mode impedance controller for n joints.
 
-    The law (paper, eq. 8), with a = a_r + (feedforward + u)/hold_gain and hold_gain = 1 on the paper's surface:
+    The law (paper, eq. 8), with a = a_r + (feedforward + u)/zoh_gain and zoh_gain = 1 on the paper's surface:
 
         tau = RNEA(q, v, a) - tau_ext                   [= -tau_ext + M(q)·a + bias(q, v)]
 
@@ -50,7 +51,7 @@ class ImpedanceController:
         surface: Sliding surface.
         reaching: Reaching law.
         dt: Control period [s].
-        knowledge: "full"; or "mass" for the controller of the paper's section 4, which knows M(q) only.
+        model: "full"; or "inertia" for the controller of the paper's section 4, which knows M(q) only.
         limits: `Limits`, or an array-like of torque limits; None for none. The arm's own `effort_limit` is not used
             unless it is given here.
         backend: "pinocchio" for Pinocchio's algorithms with the law compiled around them; "compiled" for algorithms
@@ -58,7 +59,8 @@ class ImpedanceController:
             "rbimpedance" says so, once.
 
     Raises:
-        GainError: dt is not a positive number, an unknown `knowledge` or `backend`, or a limit that is not positive.
+        ParameterError: dt is not a positive number, an unknown `model` or `backend`, or a limit that is not
+            positive.
         DimensionError: A gain or a limit is given for another number of joints.
         ModelError: The compiled dynamics of the arm are not Pinocchio's.
     """
@@ -68,7 +70,7 @@ class ImpedanceController:
     surface: Surface
     reaching: SuperTwisting
     dt: float
-    knowledge: Knowledge
+    model: Knowledge
     limits: Limits | None
     backend: Backend
     _filter: TargetFilter
@@ -76,6 +78,7 @@ class ImpedanceController:
     _compiled: Step | None
     _own: Any
 
+    @renamed_arguments(knowledge="model")
     def __init__(
         self,
         arm: ArmModel,
@@ -84,12 +87,11 @@ class ImpedanceController:
         reaching: SuperTwisting,
         dt: float,
         *,
-        knowledge: Knowledge = "full",
+        model: Knowledge = "full",
         limits: Limits | ArrayLike | None = None,
         backend: Backend = "pinocchio",
     ) -> None:
         dt = positive_number("dt", dt, "control period in seconds")
-        check_knowledge(knowledge)
         _check_backend(backend)
         limits = as_limits(limits)
         for owner in (surface, getattr(surface, "surface", None), reaching, limits):
@@ -103,7 +105,7 @@ class ImpedanceController:
             surface=surface,
             reaching=reaching,
             dt=dt,
-            knowledge=knowledge,
+            model=as_knowledge(model),
             limits=limits,
             backend=backend,
             _filter=impedance.filter(arm.nv, dt),
@@ -175,13 +177,13 @@ class ImpedanceController:
             return self._checked_step(state, q, v, reference, tau_ext)
         return answer
 
-    def lean(self, state: ControllerState | None = None) -> LeanController:
+    def realtime(self, state: ControllerState | None = None) -> RealtimeController:
         """Return the tick for a real-time loop: torque only, in memory that is made once.
 
         Args:
             state: State to begin with; `init()` by default.
         """
-        return LeanController(self, self._tick, state)
+        return RealtimeController(self, self._tick, state)
 
     def elapsed(self, state: ControllerState, period: float) -> ControllerState:
         """Return the state at a tick that comes a measured time after the one before, instead of dt after it.
@@ -225,7 +227,7 @@ class ImpedanceController:
             self.surface,
             self.reaching,
             self.dt,
-            knowledge=self.knowledge,
+            model=self.model,
             limits=self.limits,
             backend=self.backend,
         )
@@ -249,7 +251,7 @@ class ImpedanceController:
             self.surface,
             self.reaching,
             self.dt,
-            knowledge=self.knowledge,
+            model=self.model,
             limits=self.limits,
             backend=self.backend,
         )
@@ -296,25 +298,25 @@ class ImpedanceController:
         s = self.surface.value(e1, e2)  # eq. (6)
         reaching = self._reaching_state(state, s)
         u, following = self.reaching.step(s, reaching, self.dt)
-        gain = self.surface.hold_gain(e1, self.dt)
+        gain = self.surface.zoh_gain(e1, self.dt)
         a = a_r + (self.surface.feedforward(e1, e2) + u) / gain
-        tau = model_torque(self.arm, self.knowledge, tick.q, tick.v, a) - tick.tau_ext  # eq. (8)
+        tau = model_torque(self.arm, self.model, tick.q, tick.v, a) - tick.tau_ext  # eq. (8)
         allocation = self._allocate(state, tick.q, tau)
-        missing = gain * allocation.lacking
-        following = self.reaching.without_windup(reaching, following, missing, self.dt)
+        unrealised_u = gain * allocation.acceleration_deficit
+        following = self.reaching.anti_windup(reaching, following, unrealised_u, self.dt)
 
         q_e, v_e = self._filter.advance(state.q_e, state.v_e, tick.tau_ext)
         output = ControllerOutput(
             allocation.tau,
             *(tick.q_r, tick.v_r, a_r, e1, e2, s),
-            u=u - missing,
+            u=u - unrealised_u,
             q_e=state.q_e.copy(),
             v_e=state.v_e.copy(),
             saturated=allocation.saturated,
-            guaranteed=missing == 0.0,
+            premise_holds=unrealised_u == 0.0,
             rate_limited=allocation.rate_limited,
             clipped=clipped(self.surface, e1),
-            held=np.zeros(e1.shape, dtype=np.bool_),
+            reference_limited=np.zeros(e1.shape, dtype=np.bool_),
         )
         return output, ControllerState(
             state.ticks + 1,
@@ -339,10 +341,13 @@ class ImpedanceController:
             return Allocation(tau, none, none.copy(), np.zeros_like(tau))
         return self.limits.allocate(
             tau,
-            lambda: self.arm.unchecked.mass_matrix(q),
+            lambda: self.arm.raw_dynamics.mass_matrix(q),
             before=state.tau if state.ticks else None,
             dt=self.dt,
         )
+
+    knowledge = renamed_attribute("knowledge", "model")
+    lean = renamed_attribute("lean", "realtime")
 
 
 def _checked_period(period: float, dt: float) -> float:
@@ -358,4 +363,4 @@ def _checked_period(period: float, dt: float) -> float:
 
 def _check_backend(backend: str) -> None:
     if backend not in get_args(Backend):
-        raise GainError("backend", backend, '"pinocchio" or "compiled"')
+        raise ParameterError("backend", backend, '"pinocchio" or "compiled"')

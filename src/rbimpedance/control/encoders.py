@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, per_joint, positive, vector
 from .._common.frozen import set_fields
-from ..exceptions import GainError
+from ..exceptions import ParameterError
 from ..interaction.sensors import LowPass
 from ..robot.arm_model import ArmModel
 from ..trajectories import Reference
@@ -64,7 +64,7 @@ class QuantizedEncoders(Generic[StateT]):
         bandwidth: Positive, or None for no low-pass.
 
     Raises:
-        GainError: A resolution or bandwidth that is not positive, or an unknown source of the velocity.
+        ParameterError: A resolution or bandwidth that is not positive, or an unknown source of the velocity.
         DimensionError: A resolution for another number of joints.
     """
 
@@ -83,7 +83,7 @@ class QuantizedEncoders(Generic[StateT]):
         bandwidth: float | None = None,
     ) -> None:
         if velocity not in ("differentiated", "measured"):
-            raise GainError("velocity", velocity, '"differentiated" or "measured"')
+            raise ParameterError("velocity", velocity, '"differentiated" or "measured"')
         low_pass = None if bandwidth is None else LowPass(bandwidth, controller.dt)
         count = positive("resolution", resolution)
         set_fields(
@@ -170,8 +170,8 @@ class QuantizedEncoders(Generic[StateT]):
     def _counted(self, q: Array) -> Array:
         """The configuration that is a whole number of counts away from neutral."""
         arm = self.arm
-        counts = np.rint(arm.unchecked.difference(arm.neutral, q) / self.resolution)
-        return arm.unchecked.integrate(arm.neutral, counts * self.resolution)
+        counts = np.rint(arm.raw_dynamics.difference(arm.neutral, q) / self.resolution)
+        return arm.raw_dynamics.integrate(arm.neutral, counts * self.resolution)
 
     def _velocity(self, state: EncoderState, counted: Array, v: Array) -> Array:
         if self.velocity == "measured":
@@ -179,5 +179,5 @@ class QuantizedEncoders(Generic[StateT]):
         elif state.q is None:
             raw = np.zeros_like(v)
         else:
-            raw = self.arm.unchecked.difference(state.q, counted) / self.dt
+            raw = self.arm.raw_dynamics.difference(state.q, counted) / self.dt
         return raw if self._low_pass is None else self._low_pass.smooth(state.v, raw)

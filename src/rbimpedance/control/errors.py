@@ -68,10 +68,10 @@ def track(
     """
     q, v, desired, tau_ext = check_measurements(arm, q, v, reference, tau_ext)
     a_e = impedance_filter.acceleration(q_e, v_e, tau_ext)  # eq. (3)
-    q_r = arm.unchecked.integrate(desired.q, q_e)  # eq. (4)
+    q_r = arm.raw_dynamics.integrate(desired.q, q_e)  # eq. (4)
     v_r = desired.v + v_e
     a_r = desired.a + a_e
-    e1 = arm.unchecked.difference(q, q_r)
+    e1 = arm.raw_dynamics.difference(q, q_r)
     return Tracking(q, v, tau_ext, desired, q_r, v_r, a_r, e1, e2=v_r - v)
 
 

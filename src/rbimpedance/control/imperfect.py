@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, gain, not_negative, per_joint, vector
 from .._common.frozen import set_fields
-from ..exceptions import GainError
+from ..exceptions import ParameterError
 from ..robot.arm_model import ArmModel
 from ..trajectories import Reference
 from .controller import ControllerOutput
@@ -63,8 +63,8 @@ class ImperfectController(Generic[StateT]):
         seed: Of the noise.
 
     Raises:
-        GainError: Negative noise, a delay or a seed that is not a whole number from 0 on, a torque constant that is
-            not positive.
+        ParameterError: Negative noise, a delay or a seed that is not a whole number from 0 on, a torque constant that
+            is not positive.
         DimensionError: One of them is given for another number of joints.
     """
 
@@ -150,7 +150,7 @@ class ImperfectController(Generic[StateT]):
         rng = np.random.default_rng((self.seed, tick))
         on_q, on_v = rng.standard_normal((2, arm.nv))
         return Measurement(
-            arm.unchecked.integrate(q, self.position_noise * on_q),
+            arm.raw_dynamics.integrate(q, self.position_noise * on_q),
             v + self.velocity_noise * on_v,
             vector("tau_ext", tau_ext, arm.nv).copy(),
         )
@@ -160,9 +160,9 @@ def whole_number(name: str, value: Any, at_least: int = 0) -> int:
     """Return a whole number that is large enough.
 
     Raises:
-        GainError: It is anything else.
+        ParameterError: It is anything else.
     """
     is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not is_whole or value < at_least:
-        raise GainError(name, value, f"a whole number, {at_least} or more")
+        raise ParameterError(name, value, f"a whole number, {at_least} or more")
     return int(value)

@@ -67,7 +67,7 @@ class Loop:
         clock: Gives the time [s]; the limiter's clock.
 
     Raises:
-        GainError: dt is not a positive number.
+        ParameterError: dt is not a positive number.
     """
 
     def __init__(

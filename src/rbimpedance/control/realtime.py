@@ -13,12 +13,12 @@ from .protocol import PeriodicController, Step, Tick
 from .telemetry import ControllerState
 
 
-class LeanController:
+class RealtimeController:
     """An `ImpedanceController` that keeps its own state and writes its torque into one array.
 
     Torques and states are those of `ImpedanceController.step`, to the last bit; a tick makes no objects and hands out
     no telemetry. Inputs are checked as there; after an error, torque and state are what they were. Each loop needs one
-    of its own: `controller.lean()`.
+    of its own: `controller.realtime()`.
 
     Attributes:
         controller: The controller.

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from .._common.arrays import Array, BoolArray
+from .._common.deprecation import warn_renamed
 
-FLAGS = ("saturated", "rate_limited", "clipped", "held")
+FLAGS = ("saturated", "rate_limited", "clipped", "reference_limited")
 """Fields of `ControllerOutput` that say what held a joint back; a run's log has them, too."""
 
 
@@ -55,14 +56,14 @@ class ControllerOutput(NamedTuple):
         q_e: Position of the impedance filter at this tick, shape (nv,) [rad or m].
         v_e: Its velocity, shape (nv,) [rad/s or m/s].
         saturated: Whether the joint is at its torque limit, shape (nv,), bool.
-        guaranteed: Whether tau makes the joint's reaching law act in full, by the controller's model, shape (nv,),
+        premise_holds: Whether tau makes the joint's reaching law act in full, by the controller's model, shape (nv,),
             bool: the one premise of Theorem 1 that a controller can see. It is False exactly where a limit withholds
             acceleration. Where it turns True the theorem starts anew, from that tick's s and z; its other premise,
             the bound on the disturbance's rate, stays the user's. Always False where no super-twisting law acts.
         rate_limited: Whether the torque may not change faster, shape (nv,), bool; where it is also at its limit, only
             `saturated` is True.
         clipped: Whether a `BoundedSurface` sees less than the whole error, shape (nv,), bool.
-        held: Whether a `ReferenceGuard` holds the reference back, shape (nv,), bool.
+        reference_limited: Whether a `ReferenceGuard` holds the reference back, shape (nv,), bool.
     """
 
     tau: Array
@@ -76,7 +77,19 @@ class ControllerOutput(NamedTuple):
     q_e: Array
     v_e: Array
     saturated: BoolArray
-    guaranteed: BoolArray
+    premise_holds: BoolArray
     rate_limited: BoolArray
     clipped: BoolArray
-    held: BoolArray
+    reference_limited: BoolArray
+
+    @property
+    def guaranteed(self) -> BoolArray:
+        """Deprecated: `premise_holds`."""
+        warn_renamed("guaranteed", "premise_holds")
+        return self.premise_holds
+
+    @property
+    def held(self) -> BoolArray:
+        """Deprecated: `reference_limited`."""
+        warn_renamed("held", "reference_limited")
+        return self.reference_limited

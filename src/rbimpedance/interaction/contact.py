@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, gain, positive_number, vector
 from .._common.frozen import set_fields
-from ..exceptions import GainError
+from ..exceptions import ParameterError
 from ..robot.arm_model import ArmModel
 from .wrenches import AppliedWrench, FrameWrench
 
@@ -40,7 +40,7 @@ class Wall:
     Raises:
         DimensionError: A point or a normal that is not a vector of three numbers.
         NonFiniteError: One that holds NaN or infinity.
-        GainError: A normal of length zero, a stiffness that is not positive, or a negative damping.
+        ParameterError: A normal of length zero, a stiffness that is not positive, or a negative damping.
     """
 
     point: Array
@@ -63,7 +63,7 @@ class Wall:
         direction = vector("normal", normal, 3, "x, y, z")
         length = float(np.linalg.norm(direction))
         if length == 0.0:
-            raise GainError("normal", normal, "a vector that is not zero")
+            raise ParameterError("normal", normal, "a vector that is not zero")
         set_fields(
             self,
             point=_frozen(vector("point", point, 3, "x, y, z")),
@@ -154,7 +154,7 @@ class Push:
     Raises:
         DimensionError: The wrench is not a vector of six numbers.
         NonFiniteError: The wrench holds NaN or infinity.
-        GainError: A time that is not a positive number, a rise longer than half of the duration, or unknown axes.
+        ParameterError: A time that is not a positive number, a rise longer than half of the duration, or unknown axes.
     """
 
     wrench: Array
@@ -178,7 +178,9 @@ class Push:
         duration = positive_number("duration", duration, "length of the push in seconds")
         rise = positive_number("rise", duration / 2.0 if rise is None else rise, "time in seconds")
         if rise > duration / 2.0:
-            raise GainError("rise", rise, f"at most half of the duration, {duration / 2.0:g} s")
+            raise ParameterError(
+                "rise", rise, f"at most half of the duration, {duration / 2.0:g} s"
+            )
         set_fields(
             self,
             wrench=_frozen(vector("wrench", wrench, 6, "force, moment")),
@@ -218,5 +220,5 @@ def _frozen(array: Array) -> Array:
 def _non_negative(name: str, value: float) -> float:
     number = gain(name, value, "non-negative", lambda x: x >= 0.0)
     if number.ndim:
-        raise GainError(name, value, "a single number")
+        raise ParameterError(name, value, "a single number")
     return float(number)

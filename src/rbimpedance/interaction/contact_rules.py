@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, positive_number, vector
-from ..exceptions import GainError
+from ..exceptions import ParameterError
 from ..law.impedance import Impedance
 from ..robot.arm_model import ArmModel
 
@@ -58,7 +58,7 @@ def contact_damping(
         damping_ratio: ζ.
 
     Raises:
-        GainError: An argument that is not a positive number.
+        ParameterError: An argument that is not a positive number.
     """
     mass = positive_number("mass", mass, "mass in kg")
     stiffness = positive_number("stiffness", stiffness, "stiffness in N/m")
@@ -82,7 +82,7 @@ def critical_delay(target: NormalImpedance, wall_stiffness: float) -> float:
         wall_stiffness: k_w [N/m].
 
     Raises:
-        GainError: An argument that is not a positive number.
+        ParameterError: An argument that is not a positive number.
     """
     for name, value in target._asdict().items():
         positive_number(name, value, name)
@@ -111,11 +111,13 @@ def smallest_mass(
         damping_ratio: ζ.
 
     Raises:
-        GainError: An argument that is not a positive number, or K_x ≥ k_w (then no delay is critical for ζ ≥ 0.5).
+        ParameterError: An argument that is not a positive number, or K_x ≥ k_w (then no delay is critical for ζ ≥ 0.5).
     """
     delay = positive_number("delay", delay, "time in seconds")
     if stiffness >= wall_stiffness:
-        raise GainError("stiffness", stiffness, f"less than the wall's, {wall_stiffness:g} N/m")
+        raise ParameterError(
+            "stiffness", stiffness, f"less than the wall's, {wall_stiffness:g} N/m"
+        )
     unit = NormalImpedance(
         1.0, contact_damping(1.0, stiffness, wall_stiffness, damping_ratio), stiffness
     )
@@ -144,11 +146,11 @@ def recommended_mass(
         damping_ratio: ζ in contact.
 
     Raises:
-        GainError: An argument that is not a positive number, a negative delay, or K_x ≥ k_w.
+        ParameterError: An argument that is not a positive number, a negative delay, or K_x ≥ k_w.
     """
     dt = positive_number("dt", dt, "control period in seconds")
     if not 0.0 <= delay < np.inf:
-        raise GainError("delay", delay, "a time in seconds, at least 0")
+        raise ParameterError("delay", delay, "a time in seconds, at least 0")
     age = delay + LOOP_AGE * dt
     sampled = wall_stiffness * (SAMPLES_IN_CONTACT * dt) ** 2
     return max(sampled, _SAFETY * smallest_mass(wall_stiffness, age, stiffness, damping_ratio))
@@ -182,7 +184,7 @@ def impedance_for_wall(
         frame: Frame that touches; the arm's tool frame by default.
 
     Raises:
-        GainError: An argument that is not a positive number, or a normal along which the frame cannot move at q.
+        ParameterError: An argument that is not a positive number, or a normal along which the frame cannot move at q.
         DimensionError: Wrong shape or kind.
         NonFiniteError: An input holds NaN or infinity.
         ModelError: No such frame.
@@ -209,7 +211,7 @@ def normal_impedance(
         frame: Name of the frame; the arm's tool frame by default.
 
     Raises:
-        GainError: A direction in which the frame cannot move at q.
+        ParameterError: A direction in which the frame cannot move at q.
         DimensionError: Wrong shape or kind.
         NonFiniteError: An input holds NaN or infinity.
         ModelError: No such frame.
@@ -225,5 +227,5 @@ def _normal_row(arm: ArmModel, q: ArrayLike, normal: ArrayLike, frame: str | Non
     length = float(np.linalg.norm(n))
     row: Array = n @ arm.jacobian(q, frame)[:3] / (length or 1.0)
     if not row @ row > _MOBILE:
-        raise GainError("normal", normal, "a direction in which the frame can move at q")
+        raise ParameterError("normal", normal, "a direction in which the frame can move at q")
     return row

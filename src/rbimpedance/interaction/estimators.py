@@ -55,7 +55,7 @@ class MomentumObserver:
         dt: Control period h [s].
 
     Raises:
-        GainError: A gain or dt that is not positive.
+        ParameterError: A gain or dt that is not positive.
         DimensionError: Gains for another number of joints.
 
     References:
@@ -112,7 +112,7 @@ class SuperTwistingMomentumObserver:
         dt: Control period [s].
 
     Raises:
-        GainError: dt is not a positive number.
+        ParameterError: dt is not a positive number.
         DimensionError: Gains for another number of joints.
 
     References:

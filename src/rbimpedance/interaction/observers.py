@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, per_joint, positive_number, vector
+from .._common.deprecation import renamed_arguments
 from .._common.frozen import set_fields
 from ..law.super_twisting import ReachingState, SuperTwisting
 from ..robot.arm_model import ArmModel
-from ..robot.knowledge import Knowledge, check_knowledge
+from ..robot.knowledge import Knowledge, as_knowledge
 
 
 class ObserverState(NamedTuple):
@@ -76,10 +77,10 @@ class SuperTwistingDisturbanceObserver:
         reaching: Gains and scheme; here k1 is in (N·m/s)^½ and k2, which has to exceed abs(ẇ), in
             N·m/s.
         dt: Period [s].
-        knowledge: "full"; or "mass", for a model of M(q) alone: bias(q, v) then is disturbance.
+        model: "full"; or "inertia", for a model of M(q) alone: bias(q, v) then is disturbance.
 
     Raises:
-        GainError: dt is not a positive number, or an unknown `knowledge`.
+        ParameterError: dt is not a positive number, or an unknown `model`.
         DimensionError: A gain is given for another number of joints.
 
     References:
@@ -91,21 +92,21 @@ class SuperTwistingDisturbanceObserver:
     arm: ArmModel
     reaching: SuperTwisting
     dt: float
-    knowledge: Knowledge
+    model: Knowledge
 
+    @renamed_arguments(knowledge="model")
     def __init__(
         self,
         arm: ArmModel,
         reaching: SuperTwisting,
         dt: float,
         *,
-        knowledge: Knowledge = "full",
+        model: Knowledge = "full",
     ) -> None:
         dt = positive_number("dt", dt, "period in seconds")
-        check_knowledge(knowledge)
         for name in ("k1", "k2", "margin"):
             per_joint(f"reaching.{name}", getattr(reaching, name), arm.nv)
-        set_fields(self, arm=arm, reaching=reaching, dt=dt, knowledge=knowledge)
+        set_fields(self, arm=arm, reaching=reaching, dt=dt, model=as_knowledge(model))
 
     def init(self) -> ObserverState:
         """Return the state before the first tick: no disturbance seen."""
@@ -143,9 +144,9 @@ class SuperTwistingDisturbanceObserver:
         nv, h = self.arm.nv, self.dt
         q, v = self.arm.check_configuration("q", q), vector("v", v, nv)
         tau, load = vector("tau", tau, nv), vector("tau_ext", tau_ext, nv)
-        M = self.arm.unchecked.mass_matrix(q)
-        if self.knowledge == "full":
-            load = load - self.arm.unchecked.bias(q, v)
+        M = self.arm.raw_dynamics.mass_matrix(q)
+        if self.model == "full":
+            load = load - self.arm.raw_dynamics.bias(q, v)
         if state.ticks == 0:
             s = np.zeros(nv)
             memory = self.reaching.start(s)

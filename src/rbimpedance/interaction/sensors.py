@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, positive_number
-from ..exceptions import GainError
+from ..exceptions import ParameterError
 
 StateT = TypeVar("StateT")
 
@@ -65,14 +65,16 @@ class Delay:
         ticks: Delay in control periods, a whole number, at least 0.
 
     Raises:
-        GainError: Anything else.
+        ParameterError: Anything else.
     """
 
     ticks: int
 
     def __post_init__(self) -> None:
         if not isinstance(self.ticks, int) or isinstance(self.ticks, bool) or self.ticks < 0:
-            raise GainError("ticks", self.ticks, "a whole number of control periods, at least 0")
+            raise ParameterError(
+                "ticks", self.ticks, "a whole number of control periods, at least 0"
+            )
 
     def init(self) -> PastTorques:
         """Return the state before the first tick: no past."""
@@ -96,7 +98,7 @@ class LowPass:
         dt: Control period h [s].
 
     Raises:
-        GainError: A parameter that is not a positive number.
+        ParameterError: A parameter that is not a positive number.
     """
 
     cutoff: float

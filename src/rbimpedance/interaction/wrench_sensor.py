@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, vector
 from .._common.frozen import set_fields
-from ..exceptions import DimensionError, GainError
+from ..exceptions import DimensionError, ParameterError
 from ..robot.arm_model import ArmModel
 from .sensors import LowPass
 from .wrenches import FrameInteraction
@@ -45,7 +45,7 @@ class WrenchSensor:
         low_pass: Filter on the wrench in the sensor's axes, or None; its `phase_loss` is what contact pays for it.
 
     Raises:
-        GainError: A negative tool mass.
+        ParameterError: A negative tool mass.
         DimensionError: A centre or a bias of wrong shape or kind.
         NonFiniteError: One that holds NaN or infinity.
         ModelError: No such frame.
@@ -70,7 +70,7 @@ class WrenchSensor:
         low_pass: LowPass | None = None,
     ) -> None:
         if not 0.0 <= tool_mass < np.inf:
-            raise GainError("tool_mass", tool_mass, "a mass in kg, at least 0")
+            raise ParameterError("tool_mass", tool_mass, "a mass in kg, at least 0")
         arm.frame_placement(arm.neutral, frame)  # raises where there is no such frame
         set_fields(
             self,
@@ -215,7 +215,7 @@ def calibrate_tool(
 
     Raises:
         DimensionError: Not one reading for each of the poses.
-        GainError: The poses do not tell bias from weight.
+        ParameterError: The poses do not tell bias from weight.
     """
     poses, measured = np.atleast_2d(configurations), np.atleast_2d(readings)
     if len(poses) != len(measured) or measured.shape[1:] != (6,):
@@ -236,7 +236,7 @@ def _solve(rows: Array, right: Array) -> tuple[Array, float]:
     found, _, rank, _ = np.linalg.lstsq(rows, right, rcond=1e-8)
     if rank < rows.shape[1]:
         words = "poses in which gravity, seen from the sensor, points in at least three directions"
-        raise GainError("configurations", f"{len(rows) // 3} poses", words)
+        raise ParameterError("configurations", f"{len(rows) // 3} poses", words)
     lack = float(np.sqrt(np.mean((rows @ found - right) ** 2)))
     return np.asarray(found, dtype=np.float64), lack
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, vector
-from ..exceptions import GainError
+from ..exceptions import ParameterError
 from ..robot.arm_model import ArmModel
 
 TimeFunction: TypeAlias = Callable[[float], ArrayLike]
@@ -84,7 +84,7 @@ class FrameWrench:
     Raises:
         DimensionError: A constant wrench that is not a vector of six numbers.
         NonFiniteError: A constant wrench that holds NaN or infinity.
-        GainError: `expressed_in` is neither "world" nor "local".
+        ParameterError: `expressed_in` is neither "world" nor "local".
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class FrameWrench:
         expressed_in: str = "world",
     ) -> None:
         if expressed_in not in ("world", "local"):
-            raise GainError("expressed_in", expressed_in, '"world" or "local"')
+            raise ParameterError("expressed_in", expressed_in, '"world" or "local"')
         self.function = _as_function("wrench", wrench, 6, "force, moment")
         self.frame = frame
         self.expressed_in = expressed_in
@@ -141,13 +141,13 @@ class Sum:
         *parts: The interactions.
 
     Raises:
-        GainError: A part is no `Interaction`.
+        ParameterError: A part is no `Interaction`.
     """
 
     def __init__(self, *parts: Interaction) -> None:
         for i, part in enumerate(parts):
             if not isinstance(part, Interaction):
-                raise GainError(f"parts[{i}]", part, "an Interaction: FrameWrench, Wall, ...")
+                raise ParameterError(f"parts[{i}]", part, "an Interaction: FrameWrench, Wall, ...")
         self.parts = parts
 
     def torque(self, arm: ArmModel, t: float, q: Array, v: Array) -> Array:

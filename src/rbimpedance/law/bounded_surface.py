@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, BoolArray, positive
+from .._common.deprecation import renamed_arguments, renamed_attribute
 from .._common.frozen import set_fields
-from ..exceptions import GainError
+from ..exceptions import ParameterError
 from .surfaces import Surface
 
 
@@ -24,19 +25,20 @@ class BoundedSurface:
 
     Attributes:
         surface: The surface.
-        error: E > 0, scalar or (nv,) [rad or m].
+        max_error: E > 0, scalar or (nv,) [rad or m].
 
     Raises:
-        GainError: E is not positive, or the surface is bounded already.
+        ParameterError: E is not positive, or the surface is bounded already.
     """
 
     surface: Surface
-    error: Array
+    max_error: Array
 
-    def __init__(self, surface: Surface, error: ArrayLike) -> None:
+    @renamed_arguments(error="max_error")
+    def __init__(self, surface: Surface, max_error: ArrayLike) -> None:
         if isinstance(surface, BoundedSurface):
-            raise GainError("surface", surface, "a surface that is not bounded already")
-        set_fields(self, surface=surface, error=positive("error", error))
+            raise ParameterError("surface", surface, "a surface that is not bounded already")
+        set_fields(self, surface=surface, max_error=positive("max_error", max_error))
 
     def clipped(self, e1: Array) -> BoolArray:
         """Where the bound acts, shape (nv,), bool.
@@ -44,7 +46,7 @@ class BoundedSurface:
         Args:
             e1: Position error, shape (nv,) [rad or m].
         """
-        beyond: BoolArray = np.abs(e1) > self.error
+        beyond: BoolArray = np.abs(e1) > self.max_error
         return beyond
 
     def value(self, e1: Array, e2: Array) -> Array:
@@ -65,14 +67,14 @@ class BoundedSurface:
         """
         return np.where(self.clipped(e1), 0.0, self.surface.feedforward(self._seen(e1), e2))
 
-    def hold_gain(self, e1: Array, dt: float) -> Array:
+    def zoh_gain(self, e1: Array, dt: float) -> Array:
         """The surface's own within the bound; 1 beyond, where s does not change with e1, shape (nv,).
 
         Args:
             e1: Position error, shape (nv,).
             dt: Control period [s].
         """
-        return np.where(self.clipped(e1), 1.0, self.surface.hold_gain(self._seen(e1), dt))
+        return np.where(self.clipped(e1), 1.0, self.surface.zoh_gain(self._seen(e1), dt))
 
     def sliding_time(self, e1: ArrayLike) -> Array:
         """Time on s = 0 until e1 has settled: at constant speed to the bound, then the surface's own [s].
@@ -80,7 +82,7 @@ class BoundedSurface:
         Args:
             e1: Position error when sliding begins [rad or m].
         """
-        return self._approach(self.error, e1) + self.surface.sliding_time(self._seen(e1))
+        return self._approach(self.max_error, e1) + self.surface.sliding_time(self._seen(e1))
 
     def time_to(self, tolerance: float, e1: ArrayLike) -> Array:
         """Time on s = 0 until abs(e1) is at the tolerance [s].
@@ -89,7 +91,7 @@ class BoundedSurface:
             tolerance: Error to fall to, positive [rad or m].
             e1: Position error when sliding begins [rad or m].
         """
-        end = np.maximum(self.error, tolerance)
+        end = np.maximum(self.max_error, tolerance)
         return self._approach(end, e1) + self.surface.time_to(tolerance, self._seen(e1))
 
     def speed(self, e1: ArrayLike) -> Array:
@@ -101,13 +103,16 @@ class BoundedSurface:
         return self.surface.speed(self._seen(e1))
 
     def _seen(self, e1: ArrayLike) -> Array:
-        seen: Array = np.clip(e1, -self.error, self.error)
+        seen: Array = np.clip(e1, -self.max_error, self.max_error)
         return seen
 
     def _approach(self, end: Array, e1: ArrayLike) -> Array:
         """Time at constant speed from e1 to abs(e1) = end."""
         way: Array = np.maximum(np.abs(e1) - end, 0.0)
-        return way / self.surface.speed(self.error)
+        return way / self.surface.speed(self.max_error)
+
+    error = renamed_attribute("error", "max_error")
+    hold_gain = renamed_attribute("hold_gain", "zoh_gain")
 
 
 def clipped(surface: Surface, e1: Array) -> BoolArray:

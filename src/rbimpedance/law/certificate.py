@@ -127,7 +127,7 @@ def certify(
         `total_time` are infinite.
 
     Raises:
-        GainError: k1 or k2 not positive and finite, d_max negative or not finite.
+        ParameterError: k1 or k2 not positive and finite, d_max negative or not finite.
         DimensionError: Shapes that do not agree; one of `surface` and `e0` without the other.
         NonFiniteError: NaN or infinity in s0, disturbance0 or e0.
     """
@@ -203,7 +203,7 @@ def _start(name: str, value: ArrayLike) -> Array:
 
 
 def _spread(**values: Array) -> _Joints:
-    """Spread scalars over the joints; the longest vector says how many there are."""
+    """MotionMargin scalars over the joints; the longest vector says how many there are."""
     nv = max(value.size for value in values.values())
     return _Joints(**{name: per_joint(name, value, nv).copy() for name, value in values.items()})
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, per_joint, positive, positive_number
 from .._common.frozen import set_fields
-from ..exceptions import GainError
+from ..exceptions import ParameterError
 from .impedance import ImpedanceFilter, ImpedanceMatrices, TargetFilter, check_damping
 
 SMALLEST_EXPONENT = 0.01
@@ -44,7 +44,7 @@ class FiniteTimeImpedance:
             (1 + α1)·K_d·(α2·K_d/M_d)^(-α2/2), or None where the damping is given.
 
     Raises:
-        GainError: Not positive and finite, a matrix, an exponent out of range, or not exactly one of
+        ParameterError: Not positive and finite, a matrix, an exponent out of range, or not exactly one of
             `damping` and `damping_ratio` given.
 
     References:
@@ -73,7 +73,7 @@ class FiniteTimeImpedance:
         alpha1 = positive_number("exponent", exponent, "exponent of at most 1")
         if not SMALLEST_EXPONENT <= alpha1 <= 1.0:
             words = f"in [{SMALLEST_EXPONENT:g}, 1]; 1 is the linear impedance"
-            raise GainError("exponent", exponent, words)
+            raise ParameterError("exponent", exponent, words)
         set_fields(
             self,
             mass=_positive_diagonal("mass", mass),
@@ -115,5 +115,5 @@ def _positive_diagonal(name: str, value: ArrayLike | None) -> Array:
     """Return a read-only positive scalar or vector; a matrix is refused with the reason."""
     if value is None or np.ndim(value) == 2:
         words = "a positive scalar or one number per joint (no matrix: sig acts joint by joint)"
-        raise GainError(name, value, words)
+        raise ParameterError(name, value, words)
     return positive(name, value)

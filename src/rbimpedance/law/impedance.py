@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from .._common.arrays import Array
 from .._common.frozen import set_fields
-from ..exceptions import DimensionError, GainError
+from ..exceptions import DimensionError, ParameterError
 
 _ROUNDING = 1e-20  # what the series of an exponential leaves out, relative to its state
 
@@ -75,7 +75,7 @@ class Impedance:
         damping_ratio: ζ of every vibration mode of (M_d, K_d), or None where the damping is given.
 
     Raises:
-        GainError: Not finite, not symmetric, not positive definite, or not exactly one of `damping` and
+        ParameterError: Not finite, not symmetric, not positive definite, or not exactly one of `damping` and
             `damping_ratio` given.
         DimensionError: A shape other than (), (nv,) or (nv, nv).
     """
@@ -94,10 +94,12 @@ class Impedance:
         damping_ratio: float | None = None,
     ) -> None:
         if stiffness is None:
-            raise GainError("stiffness", None, "given: a positive scalar, (nv,) or SPD (nv, nv)")
+            raise ParameterError(
+                "stiffness", None, "given: a positive scalar, (nv,) or SPD (nv, nv)"
+            )
         check_damping(damping, damping_ratio)
         if damping_ratio is not None and not 0.0 < damping_ratio < np.inf:
-            raise GainError("damping_ratio", damping_ratio, "positive and finite")
+            raise ParameterError("damping_ratio", damping_ratio, "positive and finite")
         set_fields(
             self,
             mass=_positive_definite("mass", mass),
@@ -245,10 +247,10 @@ def check_damping(damping: ArrayLike | None, damping_ratio: float | None) -> Non
     """Check that the damping is given in exactly one of its two ways.
 
     Raises:
-        GainError: In both or in none.
+        ParameterError: In both or in none.
     """
     if (damping is None) == (damping_ratio is None):
-        raise GainError(
+        raise ParameterError(
             "damping", damping, "given either as damping=... or as damping_ratio=..., not both"
         )
 
@@ -259,26 +261,26 @@ def _positive_definite(name: str, value: ArrayLike) -> Array:
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise GainError(name, value, words) from error
+        raise ParameterError(name, value, words) from error
     if array.ndim > 2 or (array.ndim == 2 and array.shape[0] != array.shape[1]):
         raise DimensionError(name, words, f"shape {array.shape}")
     if not np.isfinite(array).all():
-        raise GainError(name, value, words + ", all finite")
+        raise ParameterError(name, value, words + ", all finite")
     if array.ndim < 2:
         if not (array > 0.0).all():
-            raise GainError(name, value, words)
+            raise ParameterError(name, value, words)
     else:
         if np.abs(array - array.T).max() > 1e-10 * np.abs(array).max():
-            raise GainError(name, value, words + " (it is not symmetric)")
+            raise ParameterError(name, value, words + " (it is not symmetric)")
         array = (array + array.T) / 2.0
         if np.linalg.eigvalsh(array)[0] <= 0.0:
-            raise GainError(name, value, words + " (it is not positive definite)")
+            raise ParameterError(name, value, words + " (it is not positive definite)")
     array.setflags(write=False)
     return array
 
 
 def _matrix(name: str, value: Array, nv: int) -> Array:
-    """Spread a scalar or a vector over the diagonal."""
+    """MotionMargin a scalar or a vector over the diagonal."""
     if value.ndim == 0:
         return float(value) * np.eye(nv)
     if value.shape[0] != nv:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._common.arrays import Array, positive_number
-from ..exceptions import DimensionError, GainError
+from ..exceptions import DimensionError, ParameterError
 from .impedance import Impedance
 
 
@@ -25,11 +25,11 @@ def blend(first: Impedance, second: Impedance, share: float, nv: int) -> Impedan
         nv: Number of joints.
 
     Raises:
-        GainError: A share outside [0, 1].
+        ParameterError: A share outside [0, 1].
         DimensionError: An impedance for another number of joints.
     """
     if not 0.0 <= share <= 1.0:
-        raise GainError("share", share, "from 0 to 1")
+        raise ParameterError("share", share, "from 0 to 1")
     pairs = zip(first.matrices(nv), second.matrices(nv), strict=True)
     return Impedance(*((1.0 - share) * a + share * b for a, b in pairs))
 
@@ -68,7 +68,7 @@ def check_variation(impedances: Sequence[Impedance], dt: float, nv: int) -> Vari
         nv: Number of joints.
 
     Raises:
-        GainError: dt is not a positive number.
+        ParameterError: dt is not a positive number.
         DimensionError: Fewer than three samples, or an impedance for another number of joints.
 
     References:

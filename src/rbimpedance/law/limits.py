@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, BoolArray
 from .._common.frozen import set_fields
-from ..exceptions import GainError
+from ..exceptions import ParameterError
 
 
 class Allocation(NamedTuple):
@@ -21,14 +21,14 @@ class Allocation(NamedTuple):
         tau: The torque, shape (nv,) [N·m or N].
         saturated: Whether the joint is at its torque limit, shape (nv,), bool.
         rate_limited: Whether the joint's torque may not change faster, shape (nv,), bool.
-        lacking: Acceleration that was asked for less the one that tau gives, by the model's mass matrix, shape (nv,)
-            [rad/s² or m/s²]. Exactly zero on every joint that is at no limit.
+        acceleration_deficit: Acceleration that was asked for less the one that tau gives, by the model's mass matrix,
+            shape (nv,) [rad/s² or m/s²]. Exactly zero on every joint that is at no limit.
     """
 
     tau: Array
     saturated: BoolArray
     rate_limited: BoolArray
-    lacking: Array
+    acceleration_deficit: Array
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -45,7 +45,7 @@ class Limits:
             [N·m/s or N/s]. The first tick is free of it: what the motors gave before is not known.
 
     Raises:
-        GainError: A limit that is not a positive number.
+        ParameterError: A limit that is not a positive number.
     """
 
     effort: Array
@@ -79,19 +79,21 @@ class Limits:
             dt: Time since then [s].
         """
         lower, upper = self._bounds(before, dt)
-        lacking = np.zeros_like(tau)
+        acceleration_deficit = np.zeros_like(tau)
         applied, at_limit = tau, (tau < lower) | (tau > upper)
         if at_limit.any():
             M, held = mass_matrix(), np.zeros_like(at_limit)
             while at_limit.any():
                 pinned = np.clip(applied, lower, upper)
                 held = held | at_limit
-                lacking[held] = np.linalg.solve(M[np.ix_(held, held)], (tau - pinned)[held])
-                applied = np.where(held, pinned, tau - M @ lacking)
+                acceleration_deficit[held] = np.linalg.solve(
+                    M[np.ix_(held, held)], (tau - pinned)[held]
+                )
+                applied = np.where(held, pinned, tau - M @ acceleration_deficit)
                 at_limit = (applied < lower) | (applied > upper)
         saturated = np.abs(applied) >= self.effort
         is_bound = (applied <= lower) | (applied >= upper)
-        return Allocation(applied, saturated, is_bound & ~saturated, lacking)
+        return Allocation(applied, saturated, is_bound & ~saturated, acceleration_deficit)
 
     def _bounds(self, before: Array | None, dt: float) -> tuple[Array, Array]:
         """Least and largest torque of this tick."""
@@ -107,7 +109,7 @@ def as_limits(limits: Limits | ArrayLike | None) -> Limits | None:
     """Return the limits; an array-like means torque limits.
 
     Raises:
-        GainError: A limit that is not a positive number.
+        ParameterError: A limit that is not a positive number.
     """
     return limits if limits is None or isinstance(limits, Limits) else Limits(effort=limits)
 
@@ -117,8 +119,8 @@ def _positive_or_infinite(name: str, value: ArrayLike) -> Array:
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise GainError(name, value, words) from error
+        raise ParameterError(name, value, words) from error
     if array.ndim > 1 or not np.all(array > 0.0):
-        raise GainError(name, value, words)
+        raise ParameterError(name, value, words)
     array.setflags(write=False)
     return array

@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, gain, positive
+from .._common.deprecation import renamed_attribute
 from .._common.frozen import set_fields
-from ..exceptions import GainError
+from ..exceptions import ParameterError
 from .surfaces import sig
 
 Scheme: TypeAlias = Literal["explicit", "matched", "implicit"]
@@ -51,7 +52,7 @@ class SuperTwisting:
             that factor, at a cost in precision.
 
     Raises:
-        GainError: k1 ≤ 0, k2 ≤ 0, margin < 1, margin ≠ 1 with another scheme than "matched", or an unknown scheme.
+        ParameterError: k1 ≤ 0, k2 ≤ 0, margin < 1, margin ≠ 1 with another scheme than "matched", or an unknown scheme.
     """
 
     k1: Array
@@ -67,10 +68,12 @@ class SuperTwisting:
         margin: ArrayLike = 1.0,
     ) -> None:
         if scheme not in get_args(Scheme):
-            raise GainError("scheme", scheme, "one of " + ", ".join(map(repr, get_args(Scheme))))
+            raise ParameterError(
+                "scheme", scheme, "one of " + ", ".join(map(repr, get_args(Scheme)))
+            )
         margin = gain("margin", margin, "at least 1", lambda x: x >= 1.0)
         if scheme != "matched" and np.any(margin != 1.0):
-            raise GainError(
+            raise ParameterError(
                 "margin", margin, f"1 with the {scheme!r} scheme; only 'matched' has a margin"
             )
         set_fields(self, k1=positive("k1", k1), k2=positive("k2", k2), scheme=scheme, margin=margin)
@@ -100,25 +103,26 @@ class SuperTwisting:
             return self._matched(s, state, dt)
         return self._implicit(s, state, dt)
 
-    def without_windup(
-        self, state: ReachingState, following: ReachingState, missing: Array, dt: float
+    def anti_windup(
+        self, state: ReachingState, following: ReachingState, unrealised_u: Array, dt: float
     ) -> ReachingState:
         """Return the next state where a torque limit withholds part of u.
 
-        z rests where its step would add to what is missing. With the matched scheme k2·z therefore never passes the
+        z rests where its step would add to `unrealised_u`. With the matched scheme k2·z therefore never passes
+            the
         reaching term that the torque realises; docs/schemes.md has the proof and the alternatives that were measured.
 
         Args:
             state: Memory before the tick.
             following: The next state that `step` returned.
-            missing: u less the reaching term that the torque realises, shape (nv,); zero where nothing saturates.
+            unrealised_u: u less the reaching term that the torque realises, shape (nv,); zero where nothing saturates.
             dt: Control period [s].
         """
-        z = np.where((following.z - state.z) * missing > 0.0, state.z, following.z)
+        z = np.where((following.z - state.z) * unrealised_u > 0.0, state.z, following.z)
         if self.scheme != "implicit":
             return following._replace(z=z)
         # What s will be off its prediction X⁺ because of the limit is known: it belongs into X⁺.
-        x = following.x + dt * (missing - self.k2 * (following.z - z))
+        x = following.x + dt * (unrealised_u - self.k2 * (following.z - z))
         return following._replace(z=z, x=x)
 
     def _explicit(self, s: Array, state: ReachingState, dt: float) -> tuple[Array, ReachingState]:
@@ -147,3 +151,5 @@ class SuperTwisting:
         z_next = state.z + h * xi
         u = k1_term / h + k2 * z_next - (state.x - s) / h
         return u, ReachingState(z=z_next, x=x_next, a=x_next - state.x + k1_term)
+
+    without_windup = renamed_attribute("without_windup", "anti_windup")

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, gain, positive
+from .._common.deprecation import renamed_attribute
 from .._common.frozen import set_fields
 
 
@@ -34,7 +35,7 @@ class Surface(Protocol):
         With ė2 = -(feedforward + u) the variable s obeys the reaching law.
         """
 
-    def hold_gain(self, e1: Array, dt: float) -> Array:
+    def zoh_gain(self, e1: Array, dt: float) -> Array:
         """Gain of s to an acceleration held for dt, relative to the continuous one; the law divides by it."""
 
     def sliding_time(self, e1: ArrayLike) -> Array:
@@ -58,7 +59,7 @@ class PowerSurface:
         exponent: p = α1/α2, 1 < p < 2, scalar or (nv,).
 
     Raises:
-        GainError: γ ≤ 0, or p outside (1, 2).
+        ParameterError: γ ≤ 0, or p outside (1, 2).
     """
 
     gamma: Array
@@ -91,7 +92,7 @@ class PowerSurface:
         rate: Array = self.gamma * p * np.abs(e1) ** (p - 1.0) * e2
         return rate
 
-    def hold_gain(self, e1: Array, dt: float) -> Array:
+    def zoh_gain(self, e1: Array, dt: float) -> Array:
         """1: the paper's law is kept as printed, and this surface is flat where e1 is small.
 
         Args:
@@ -132,6 +133,8 @@ class PowerSurface:
         e1 = np.asarray(e1, dtype=np.float64)
         return np.abs(self.value(e1, np.zeros_like(e1)))
 
+    hold_gain = renamed_attribute("hold_gain", "zoh_gain")
+
 
 @dataclass(frozen=True, eq=False, init=False)
 class FastTerminalSurface:
@@ -149,7 +152,7 @@ class FastTerminalSurface:
         smoothing: ε > 0, scalar or (nv,) [rad or m].
 
     Raises:
-        GainError: A gain that is not positive, or α outside (½, 1).
+        ParameterError: A gain that is not positive, or α outside (½, 1).
     """
 
     rate: Array
@@ -197,7 +200,7 @@ class FastTerminalSurface:
         rate: Array = self._slope(e1) * e2
         return rate
 
-    def hold_gain(self, e1: Array, dt: float) -> Array:
+    def zoh_gain(self, e1: Array, dt: float) -> Array:
         """1 + c·dt/2 with the slope c = λ + γ·φ'(e1), shape (nv,).
 
         An acceleration A held for dt changes e2 by -A·dt and e1 by e2·dt - A·dt²/2, hence s by
@@ -268,6 +271,8 @@ class FastTerminalSurface:
         time: Array = np.log((1.0 / end - b / a) / (1.0 / start - b / a)) / a
         return np.where(end < eps, time, 0.0)
 
+    hold_gain = renamed_attribute("hold_gain", "zoh_gain")
+
 
 @dataclass(frozen=True, eq=False, init=False)
 class NonsingularTerminalSurface:
@@ -281,7 +286,7 @@ class NonsingularTerminalSurface:
         exponent: p, 1 < p < 2, scalar or (nv,).
 
     Raises:
-        GainError: β ≤ 0, or p outside (1, 2).
+        ParameterError: β ≤ 0, or p outside (1, 2).
 
     References:
         Y. Feng, X. Yu, Z. Man, Non-singular terminal sliding mode control of rigid manipulators, Automatica 38, 2002.
@@ -317,7 +322,7 @@ class NonsingularTerminalSurface:
         del e1
         return self.beta / self.exponent * sig(e2, 2.0 - self.exponent)
 
-    def hold_gain(self, e1: Array, dt: float) -> Array:
+    def zoh_gain(self, e1: Array, dt: float) -> Array:
         """1: here the gain of s depends on e2 and vanishes with it, and nothing may be divided by it.
 
         Args:
@@ -359,6 +364,8 @@ class NonsingularTerminalSurface:
         r = 1.0 - 1.0 / self.exponent
         time: Array = (start**r - end**r) / (r * self.beta ** (1.0 / self.exponent))
         return time
+
+    hold_gain = renamed_attribute("hold_gain", "zoh_gain")
 
 
 def _strictly_between(name: str, value: ArrayLike, low: float, high: float) -> Array:

@@ -84,7 +84,7 @@ class Viewer:
         """Address of the page on this machine; the first look starts its server.
 
         Raises:
-            GainError: The port that was asked for is not free.
+            ParameterError: The port that was asked for is not free.
         """
         if self._server is None:
             self._server = Server(lambda known: self.html(live=known), self._port)
@@ -203,7 +203,7 @@ def view(
         ModelError: The robot cannot be loaded.
         DimensionError: A configuration or a wrench of wrong shape.
         NonFiniteError: One that holds NaN or infinity.
-        GainError: With `open`: the port is not free.
+        ParameterError: With `open`: the port is not free.
     """
     arm = robot if isinstance(robot, ArmModel) else load_robot(robot)
     frame = _still(arm, arm.neutral if q is None else q, q_r, wrench)
@@ -237,7 +237,7 @@ def animate(
 
     Raises:
         ModelError: The result does not say which robot it was, or the robot given has other joints.
-        GainError: `fps` is not positive; with `open`: the port is not free.
+        ParameterError: `fps` is not positive; with `open`: the port is not free.
     """
     arm = _arm_of(result, robot)
     span = float(result.t[-1] - result.t[0])

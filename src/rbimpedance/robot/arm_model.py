@@ -15,8 +15,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, gain, per_joint, positive_number, real, vector
+from .._common.deprecation import renamed_attribute
 from .._common.suggestions import suggest
-from ..exceptions import DimensionError, GainError, ModelError, UnsupportedJointError
+from ..exceptions import DimensionError, ModelError, ParameterError, UnsupportedJointError
 from .description import Description
 from .pinocchio_dynamics import PinocchioDynamics, pinocchio_dynamics
 from .rigid_bodies import RigidBodies, movable_joints, rigid_bodies
@@ -48,7 +49,7 @@ class ArmModel:
         armature: Reflected rotor inertia, shape (nv,) [kg·m² or kg].
         notes: What the loader found worth saying.
         description: The URDF behind it, for pictures; None where there is none.
-        unchecked: The same dynamics without input checks, for hot loops.
+        raw_dynamics: The same dynamics without input checks, for hot loops.
 
     Raises:
         UnsupportedJointError: A joint has more than one degree of freedom.
@@ -70,7 +71,7 @@ class ArmModel:
     armature: Array
     notes: tuple[str, ...]
     description: Description | None
-    unchecked: PinocchioDynamics
+    raw_dynamics: PinocchioDynamics
 
     def __init__(
         self,
@@ -106,7 +107,7 @@ class ArmModel:
             "tool_frame": tool_frame,
             "notes": tuple(notes),
             "description": description,
-            "unchecked": pinocchio_dynamics(model),
+            "raw_dynamics": pinocchio_dynamics(model),
         }
         for key, value in (fields | arrays).items():
             object.__setattr__(self, key, value)
@@ -118,7 +119,7 @@ class ArmModel:
         )
 
     def __reduce__(self) -> tuple[object, ...]:
-        model = self.unchecked.model
+        model = self.raw_dynamics.model
         return _rebuild, (model, self.name, self.tool_frame, self.notes, self.description)
 
     # --- what the model knows -----------------------------------------------------------------------------------
@@ -126,7 +127,7 @@ class ArmModel:
     @property
     def model(self) -> pin.Model:
         """A copy of the Pinocchio model; changing it does not change this arm."""
-        return pin.Model(self.unchecked.model)
+        return pin.Model(self.raw_dynamics.model)
 
     @property
     def zero(self) -> Array:
@@ -135,17 +136,17 @@ class ArmModel:
         `integrate(arm.zero, angles)` turns joint positions, shape (nv,), into a configuration, and
         `difference(arm.zero, q)` turns it back.
         """
-        return np.array(pin.neutral(self.unchecked.model))
+        return np.array(pin.neutral(self.raw_dynamics.model))
 
     @property
     def frame_names(self) -> tuple[str, ...]:
         """Names of all frames, in Pinocchio's order."""
-        return tuple(frame.name for frame in self.unchecked.model.frames)
+        return tuple(frame.name for frame in self.raw_dynamics.model.frames)
 
     @functools.cached_property
     def digest(self) -> str:
         """SHA-256 over everything that enters dynamics and kinematics: equal models have equal digests."""
-        model = self.unchecked.model
+        model = self.raw_dynamics.model
         parts = [repr((list(model.names), list(model.parents), self.tool_frame))]
         parts += [f"{joint.shortname()} {joint.idx_q} {joint.idx_v}" for joint in model.joints]
         parts += [f"{frame.name} {frame.type} {frame.parentJoint}" for frame in model.frames]
@@ -167,7 +168,7 @@ class ArmModel:
         Raises:
             UnsupportedJointError: A joint that neither turns about nor slides along one axis of its own (mimic, screw).
         """
-        return rigid_bodies(self.unchecked.model)
+        return rigid_bodies(self.raw_dynamics.model)
 
     # --- dynamics -----------------------------------------------------------------------------------------------
 
@@ -181,7 +182,7 @@ class ArmModel:
             DimensionError: Wrong shape or kind, or the (cos, sin) pair of a continuous joint is not of unit length.
             NonFiniteError: q holds NaN or infinity.
         """
-        return self.unchecked.mass_matrix(self.check_configuration("q", q))
+        return self.raw_dynamics.mass_matrix(self.check_configuration("q", q))
 
     def bias(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Return C(q, v) v + g(q) + friction(v), shape (nv,) [N·m or N].
@@ -194,7 +195,7 @@ class ArmModel:
             DimensionError: Wrong shape or kind.
             NonFiniteError: An input holds NaN or infinity.
         """
-        return self.unchecked.bias(self.check_configuration("q", q), vector("v", v, self.nv))
+        return self.raw_dynamics.bias(self.check_configuration("q", q), vector("v", v, self.nv))
 
     def drift(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Return f(q, v) = -M⁻¹ bias of the paper's eq. (1), shape (nv,) [rad/s² or m/s²].
@@ -221,7 +222,7 @@ class ArmModel:
             DimensionError: Wrong shape or kind.
             NonFiniteError: An input holds NaN or infinity.
         """
-        return self.unchecked.inverse_dynamics(
+        return self.raw_dynamics.inverse_dynamics(
             self.check_configuration("q", q), vector("v", v, self.nv), vector("a", a, self.nv)
         )
 
@@ -243,7 +244,7 @@ class ArmModel:
         torque = vector("tau", tau, self.nv)
         if tau_ext is not None:
             torque = torque + vector("tau_ext", tau_ext, self.nv)
-        return self.unchecked.forward_dynamics(
+        return self.raw_dynamics.forward_dynamics(
             self.check_configuration("q", q), vector("v", v, self.nv), torque
         )
 
@@ -261,7 +262,7 @@ class ArmModel:
             NonFiniteError: q holds NaN or infinity.
             ModelError: No such frame.
         """
-        return self.unchecked.jacobian(self.check_configuration("q", q), self._frame_id(frame))
+        return self.raw_dynamics.jacobian(self.check_configuration("q", q), self._frame_id(frame))
 
     def frame_placement(self, q: ArrayLike, frame: str | None = None) -> tuple[Array, Array]:
         """Return rotation (3, 3) and origin (3,) [m] of a frame in the world.
@@ -275,7 +276,7 @@ class ArmModel:
             NonFiniteError: q holds NaN or infinity.
             ModelError: No such frame.
         """
-        return self.unchecked.frame_placement(
+        return self.raw_dynamics.frame_placement(
             self.check_configuration("q", q), self._frame_id(frame)
         )
 
@@ -298,17 +299,17 @@ class ArmModel:
             DimensionError: Wrong shape or kind.
             NonFiniteError: An input holds NaN or infinity.
             ModelError: No such frame.
-            GainError: `expressed_in` is neither "world" nor "local".
+            ParameterError: `expressed_in` is neither "world" nor "local".
         """
         q = self.check_configuration("q", q)
         wrench = vector("wrench", wrench, 6, "force, moment")
         frame_id = self._frame_id(frame)
         if expressed_in == "local":
-            rotation, _ = self.unchecked.frame_placement(q, frame_id)
+            rotation, _ = self.raw_dynamics.frame_placement(q, frame_id)
             wrench = np.concatenate([rotation @ wrench[:3], rotation @ wrench[3:]])
         elif expressed_in != "world":
-            raise GainError("expressed_in", expressed_in, '"world" or "local"')
-        torque: Array = self.unchecked.jacobian(q, frame_id).T @ wrench
+            raise ParameterError("expressed_in", expressed_in, '"world" or "local"')
+        torque: Array = self.raw_dynamics.jacobian(q, frame_id).T @ wrench
         return torque
 
     def difference(self, q0: ArrayLike, q1: ArrayLike) -> Array:
@@ -324,7 +325,7 @@ class ArmModel:
             DimensionError: Wrong shape or kind.
             NonFiniteError: An input holds NaN or infinity.
         """
-        return self.unchecked.difference(
+        return self.raw_dynamics.difference(
             self.check_configuration("q0", q0), self.check_configuration("q1", q1)
         )
 
@@ -339,7 +340,7 @@ class ArmModel:
             DimensionError: Wrong shape or kind.
             NonFiniteError: An input holds NaN or infinity.
         """
-        return self.unchecked.integrate(
+        return self.raw_dynamics.integrate(
             self.check_configuration("q", q), vector("step", step, self.nv)
         )
 
@@ -349,7 +350,9 @@ class ArmModel:
         Unlike `lower` and `upper`, which bound the entries of q, there is one number per joint; a continuous joint
         has none and gets -inf and +inf.
         """
-        joints = [self.unchecked.model.joints[j] for j in movable_joints(self.unchecked.model)]
+        joints = [
+            self.raw_dynamics.model.joints[j] for j in movable_joints(self.raw_dynamics.model)
+        ]
         lower = [self.lower[j.idx_q] if j.nq == 1 else -np.inf for j in joints]
         upper = [self.upper[j.idx_q] if j.nq == 1 else np.inf for j in joints]
         return np.array(lower), np.array(upper)
@@ -362,7 +365,7 @@ class ArmModel:
         Args:
             rng: Source of randomness.
         """
-        model = self.unchecked.model
+        model = self.raw_dynamics.model
         q = np.array(self.neutral)
         for j in movable_joints(model):
             i, joint = model.joints[j].idx_q, model.joints[j]
@@ -380,7 +383,7 @@ class ArmModel:
 
     def copy(self) -> ArmModel:
         """Return an equal arm that shares nothing with this one."""
-        return self._with_model(self.unchecked.model)
+        return self._with_model(self.raw_dynamics.model)
 
     def with_payload(
         self,
@@ -399,7 +402,7 @@ class ArmModel:
             frame: Frame that the payload is fixed to; the tool frame by default.
 
         Raises:
-            GainError: Negative mass, or an inertia that is not symmetric positive semi-definite.
+            ParameterError: Negative mass, or an inertia that is not symmetric positive semi-definite.
             DimensionError: Wrong shape or kind.
             NonFiniteError: An input holds NaN or infinity.
             ModelError: No such frame.
@@ -421,7 +424,7 @@ class ArmModel:
             factor: Positive factor.
 
         Raises:
-            GainError: Not a positive number.
+            ParameterError: Not a positive number.
         """
         scale = positive_number("factor", factor, "factor")
         model = self.model
@@ -441,7 +444,7 @@ class ArmModel:
             coulomb: Coulomb torques, scalar or (nv,) [N·m or N], smoothed by tanh(v / `COULOMB_SMOOTHING`).
 
         Raises:
-            GainError: A negative or non-finite coefficient.
+            ParameterError: A negative or non-finite coefficient.
             DimensionError: Neither a scalar nor one number per joint.
         """
         model = self.model
@@ -459,7 +462,7 @@ class ArmModel:
             armature: Scalar or (nv,), non-negative [kg·m² or kg].
 
         Raises:
-            GainError: A negative or non-finite entry.
+            ParameterError: A negative or non-finite entry.
             DimensionError: Neither a scalar nor one number per joint.
         """
         model = self.model
@@ -498,7 +501,7 @@ class ArmModel:
         except DimensionError as error:
             hint = f"a configuration of '{self.name}' has nq = {self.nq} (nv = {self.nv})"
             raise DimensionError(name, f"{error.expected}; {hint}", error.actual) from None
-        if self.nq != self.nv and not pin.isNormalized(self.unchecked.model, q, 1e-6):
+        if self.nq != self.nv and not pin.isNormalized(self.raw_dynamics.model, q, 1e-6):
             raise DimensionError(
                 name,
                 "a configuration whose continuous joints are (cos, sin) pairs of unit length",
@@ -516,12 +519,14 @@ class ArmModel:
 
     def _frame_id(self, frame: str | None) -> int:
         frame = self.tool_frame if frame is None else frame
-        frame_id = self.unchecked.frame_ids.get(frame)
+        frame_id = self.raw_dynamics.frame_ids.get(frame)
         if frame_id is None:
             raise ModelError(
                 f"'{self.name}' has no frame '{frame}'{suggest(frame, self.frame_names)}"
             )
         return frame_id
+
+    unchecked = renamed_attribute("unchecked", "raw_dynamics")
 
 
 def _rebuild(
@@ -578,7 +583,7 @@ def _limit_or_none_given(limit: Array) -> Array:
 def _payload_mass(mass: float) -> float:
     array = gain("mass", mass, "non-negative", lambda x: x >= 0.0)
     if array.ndim:
-        raise GainError("mass", mass, "a single number")
+        raise ParameterError("mass", mass, "a single number")
     return float(array)
 
 
@@ -587,7 +592,7 @@ def _rotational_inertia(inertia: ArrayLike) -> Array:
     if matrix.shape != (3, 3):
         raise DimensionError("inertia", "a matrix of shape (3, 3)", f"shape {matrix.shape}")
     if not np.isfinite(matrix).all() or not np.allclose(matrix, matrix.T, rtol=0.0, atol=1e-12):
-        raise GainError("inertia", inertia, "finite and symmetric")
+        raise ParameterError("inertia", inertia, "finite and symmetric")
     if np.linalg.eigvalsh(matrix)[0] < -1e-12:
-        raise GainError("inertia", inertia, "positive semi-definite")
+        raise ParameterError("inertia", inertia, "positive semi-definite")
     return matrix

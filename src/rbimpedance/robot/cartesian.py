@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, positive_number, real, vector
-from ..exceptions import DimensionError, GainError, UnsupportedJointError
+from ..exceptions import DimensionError, ParameterError, UnsupportedJointError
 from .arm_model import ArmModel
 
 _SINGULAR = 1e-6  # smallest admissible ratio of J's singular values
@@ -40,8 +40,8 @@ def joint_matrix(
         frame: Name of the frame; the arm's tool frame by default.
 
     Raises:
-        GainError: X is not symmetric positive definite, `posture` is not a positive number, or J has not full row rank
-            there: no joint matrix gives X in the directions in which the frame cannot move.
+        ParameterError: X is not symmetric positive definite, `posture` is not a positive number, or J has not full row
+            rank there: no joint matrix gives X in the directions in which the frame cannot move.
         DimensionError: X is neither (3, 3) nor (6, 6).
         ModelError: No such frame.
     """
@@ -50,7 +50,9 @@ def joint_matrix(
     J = arm.jacobian(q, frame)[: len(X)]
     sizes = np.linalg.svd(J, compute_uv=False)
     if len(X) > arm.nv or sizes[-1] < _SINGULAR * sizes[0]:
-        raise GainError("q", np.asarray(q), f"a configuration whose Jacobian has rank {len(X)}")
+        raise ParameterError(
+            "q", np.asarray(q), f"a configuration whose Jacobian has rank {len(X)}"
+        )
     N = np.eye(arm.nv) - np.linalg.pinv(J) @ J
     A: Array = J.T @ X @ J + posture * N
     return (A + A.T) / 2.0
@@ -108,5 +110,5 @@ def _positive_definite(value: ArrayLike) -> Array:
         raise DimensionError("wanted", "a matrix (3, 3) or (6, 6)", f"shape {X.shape}")
     symmetric = np.isfinite(X).all() and np.abs(X - X.T).max() <= 1e-10 * np.abs(X).max()
     if not symmetric or np.linalg.eigvalsh(X)[0] <= 0.0:
-        raise GainError("wanted", value, "symmetric positive definite")
+        raise ParameterError("wanted", value, "symmetric positive definite")
     return X

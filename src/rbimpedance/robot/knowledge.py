@@ -2,29 +2,34 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import Literal, cast, get_args
 
 from .._common.arrays import Array
-from ..exceptions import GainError
+from .._common.deprecation import warn_renamed
+from ..exceptions import ParameterError
 from .arm_model import ArmModel
 
-Knowledge = Literal["full", "mass"]
-"""What a controller knows of the arm: everything, or M(q) alone as in section 4 of the paper."""
+Knowledge = Literal["full", "inertia"]
+"""What a controller knows of the arm: all of it, or M(q) alone as in section 4 of the paper."""
 
 
-def model_torque(arm: ArmModel, knowledge: Knowledge, q: Array, v: Array, a: Array) -> Array:
+def model_torque(arm: ArmModel, model: Knowledge, q: Array, v: Array, a: Array) -> Array:
     """Return M a + bias by one RNEA, or M a where only the mass matrix is known, shape (nv,)."""
-    if knowledge == "full":
-        return arm.unchecked.inverse_dynamics(q, v, a)
-    torque: Array = arm.unchecked.mass_matrix(q) @ a
+    if model == "full":
+        return arm.raw_dynamics.inverse_dynamics(q, v, a)
+    torque: Array = arm.raw_dynamics.mass_matrix(q) @ a
     return torque
 
 
-def check_knowledge(knowledge: str) -> None:
-    """Refuse an unknown `knowledge`.
+def as_knowledge(model: str) -> Knowledge:
+    """Return a `model` argument, checked; "mass" is the old name of "inertia".
 
     Raises:
-        GainError: Neither "full" nor "mass".
+        ParameterError: Neither "full" nor "inertia".
     """
-    if knowledge not in get_args(Knowledge):
-        raise GainError("knowledge", knowledge, '"full" or "mass"')
+    if model == "mass":
+        warn_renamed('model="mass"', 'model="inertia"')
+        return "inertia"
+    if model not in get_args(Knowledge):
+        raise ParameterError("model", model, '"full" or "inertia"')
+    return cast("Knowledge", model)

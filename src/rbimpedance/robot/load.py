@@ -75,7 +75,7 @@ def load_robot(
         ModelError: No such source, or its description is not sound; says which element and what would be right.
         UnsupportedJointError: Joints that cannot be controlled, by name, with the way out.
         MissingExtraError: A robot_descriptions name without that package.
-        GainError: `armature` is negative or not finite.
+        ParameterError: `armature` is negative or not finite.
         DimensionError: `gravity` or `armature` has a wrong shape.
         NonFiniteError: `gravity` holds NaN or infinity.
     """
@@ -84,16 +84,16 @@ def load_robot(
         source = source.model
     if isinstance(source, pin.Model):
         origin = "the pinocchio.Model"
-        with _said_of(origin):
+        with error_context(origin):
             robot = _from_model(source, joints, lock, values)
     else:
-        with _said_of(""):
+        with error_context(""):
             text = read_source(source, package_dirs, repairs)
         origin = text.origin
-        with _said_of(origin):
+        with error_context(origin):
             robot = _from_text(text, joints, lock, values, repairs)
             robot = replace(robot, description=_with_recipe(robot, source, package_dirs, repairs))
-    with _said_of(origin):
+    with error_context(origin):
         return _arm(robot, tool_frame, gravity, armature)
 
 
@@ -126,7 +126,7 @@ def _arm(
 
 
 @contextmanager
-def _said_of(origin: str) -> Iterator[None]:
+def error_context(origin: str) -> Iterator[None]:
     """Let every error of the model name its origin, and hold nothing that a terminal would not print."""
     try:
         yield

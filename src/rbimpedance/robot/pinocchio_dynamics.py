@@ -1,4 +1,4 @@
-"""Pinocchio's algorithms with joint friction added; unchecked: hot loops call them once inputs have been checked."""
+"""Pinocchio's algorithms with joint friction added; raw_dynamics: hot loops call them once inputs have been checked."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, BoolArray
 from ..control.protocol import Controller
-from ..exceptions import DimensionError, GainError
+from ..exceptions import DimensionError, ParameterError
 from ..interaction import EnvironmentLike
 from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory
@@ -97,7 +97,7 @@ def simulate_batch(
         substeps: Physics steps per control period.
         integrator: "semi-implicit" or "rk4".
         channels: Names of what is logged: any of "q", "v", "q_r", "e1", "e2", "e_im", "s", "tau", "tau_ext",
-            "saturated", "rate_limited", "clipped", "held".
+            "saturated", "rate_limited", "clipped", "reference_limited".
         every: Ticks from one sample to the next.
         metrics: Whether the figures of merit are wanted.
         after: Leave out the samples before this time in all but the settling times [s].
@@ -107,7 +107,7 @@ def simulate_batch(
         Samples and figures. A world that diverges is marked there; the others go on.
 
     Raises:
-        GainError: As for `simulate`; worlds of different periods; an unknown channel; `every` or `threads` is no
+        ParameterError: As for `simulate`; worlds of different periods; an unknown channel; `every` or `threads` is no
             positive whole number; fewer than two samples after `after`.
         DimensionError: Lists of different lengths, arms of different size, or an input of wrong shape or kind.
         NonFiniteError: An input holds NaN or infinity.
@@ -185,7 +185,7 @@ def _check_alike(loops: list[ClosedLoop]) -> None:
     for i, loop in enumerate(loops):
         if loop.controller.dt != first.controller.dt:
             words = f"of the same period in all worlds, {first.controller.dt:g} s"
-            raise GainError(f"controller[{i}].dt", loop.controller.dt, words)
+            raise ParameterError(f"controller[{i}].dt", loop.controller.dt, words)
         size, expected = (loop.plant.nq, loop.plant.nv), (first.plant.nq, first.plant.nv)
         if size != expected:
             words = f"an arm with nq, nv = {expected[0]}, {expected[1]} like the first"

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .._common.arrays import Array
-from ..exceptions import DivergenceError, GainError
+from ..exceptions import DivergenceError, ParameterError
 from .closed_loop import ClosedLoop, empty_channels, run
 from .result import SETTLING_TOLERANCES
-from .rollout import check_inputs, judged_world
+from .rollout import check_inputs, verified_world
 from .sampling import sample, tick_times
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def run_worlds(
         threads: How many to use.
 
     Raises:
-        GainError: Fewer than two samples remain for the figures of merit.
+        ParameterError: Fewer than two samples remain for the figures of merit.
         InputError: A reference or an environment is not what a controller takes.
     """
     plant, n = loops[0].plant, len(loops)
@@ -99,7 +99,7 @@ def run_worlds(
     if after is not None:
         _first_tick(after, loops[0])
     known: dict[int, Controlled] = {}
-    worlds = {i: judged_world(loop, known, _STATES) for i, loop in enumerate(loops)}
+    worlds = {i: verified_world(loop, known, _STATES) for i, loop in enumerate(loops)}
     compiled = {i: world for i, world in worlds.items() if world is not None}
     left = [i for i, world in worlds.items() if world is None]
     if compiled:
@@ -113,7 +113,7 @@ def _first_tick(after: float, loop: ClosedLoop) -> int:
     """The first tick that enters the figures of merit."""
     dt, end = loop.controller.dt, loop.ticks * loop.controller.dt
     if not after <= (loop.ticks - 1) * dt:
-        raise GainError("after", after, f"before the last two samples, below {end:g} s")
+        raise ParameterError("after", after, f"before the last two samples, below {end:g} s")
     first = max(0, int(after / dt) - 1)
     while first * dt < after:
         first += 1

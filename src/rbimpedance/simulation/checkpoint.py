@@ -65,7 +65,7 @@ class Checkpoint:
         clock: Gives that time.
 
     Raises:
-        GainError: `every` is not a positive number.
+        ParameterError: `every` is not a positive number.
     """
 
     def __init__(

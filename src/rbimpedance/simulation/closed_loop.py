@@ -15,7 +15,7 @@ from ..control.protocol import Controller
 from ..control.provenance import provenance
 from ..control.snapshot import fingerprint
 from ..control.telemetry import FLAGS
-from ..exceptions import DivergenceError, GainError
+from ..exceptions import DivergenceError, ParameterError
 from ..interaction import Interaction, Sensor
 from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory
@@ -80,14 +80,14 @@ class ClosedLoop:
         """Whether a step has to take friction at its end.
 
         Raises:
-            GainError: It has to, and the Runge-Kutta method cannot.
+            ParameterError: It has to, and the Runge-Kutta method cannot.
         """
         if not (self.plant.viscous.any() or self.plant.coulomb.any()):
             return False
-        stiffness = self.h * self.plant.unchecked.friction_rate(self.q)
+        stiffness = self.h * self.plant.raw_dynamics.friction_rate(self.q)
         if self.integrator == "rk4" and stiffness > RK4_STABILITY:
             needed = int(np.ceil(self.substeps * stiffness / RK4_STABILITY))
-            raise GainError(
+            raise ParameterError(
                 "integrator",
                 "rk4",
                 f"'semi-implicit' for friction this stiff, or at least {needed} substeps",

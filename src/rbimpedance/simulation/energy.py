@@ -51,7 +51,7 @@ def energy_balance(result: SimulationResult, plant: ArmModel) -> EnergyBalance:
         raise ModelError(
             f"the run simulated another arm than {plant!r}: give the plant of `simulate`"
         )
-    dynamics, rest = plant.unchecked, np.zeros(plant.nv)
+    dynamics, rest = plant.raw_dynamics, np.zeros(plant.nv)
     states = list(zip(result.q, result.v, strict=True))
     moved = np.array([dynamics.difference(*pair) for pair in pairwise(result.q)])
     gravity = np.array([dynamics.bias(q, rest) for q in result.q])

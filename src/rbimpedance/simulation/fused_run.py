@@ -80,7 +80,7 @@ class _FusedRun:
         begin, act, move = kernels(between)
         held, desk, (q, v, _, _, tau_ext) = hold(between), between.desk, between.motion
         tick, own, memory = self.tick, self.own, between.block
-        aba, torque = self.loop.plant.unchecked.aba, between.torque
+        aba, torque = self.loop.plant.raw_dynamics.aba, between.torque
         reference, substeps = Reference(desk.q_d, desk.v_d, desk.a_d), range(self.loop.substeps)
         begin(held)
         for k in block:

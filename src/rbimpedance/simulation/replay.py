@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from .._common.arrays import Array
+from .._common.deprecation import renamed_arguments
 from ..exceptions import DimensionError
 from ..interaction import Sensor
 from ..interaction.observers import SuperTwistingDisturbanceObserver
@@ -16,7 +17,7 @@ from ..robot.knowledge import Knowledge
 from .result import SimulationResult
 
 
-def sense(result: SimulationResult, sensor: Sensor[Any]) -> Array:
+def replay_sensor(result: SimulationResult, sensor: Sensor[Any]) -> Array:
     """Return what a sensor tells along a run, shape (N, nv) [N·m or N].
 
     Sensors are pure: for the sensor that the run was made with, this is exactly what its controller was told.
@@ -38,12 +39,13 @@ def sense(result: SimulationResult, sensor: Sensor[Any]) -> Array:
     return told
 
 
-def observe(
+@renamed_arguments(knowledge="model")
+def estimate_disturbance(
     result: SimulationResult,
     arm: ArmModel,
     reaching: SuperTwisting,
     *,
-    knowledge: Knowledge = "full",
+    model: Knowledge = "full",
 ) -> Array:
     """Return the disturbance torque along a run, as the observer saw it.
 
@@ -51,20 +53,20 @@ def observe(
         result: The run.
         arm: The model that the disturbance is measured against: the controller's, say.
         reaching: Gains and scheme; see `SuperTwistingDisturbanceObserver`.
-        knowledge: "full", or "mass" for a model of M(q) alone.
+        model: "full", or "inertia" for a model of M(q) alone.
 
     Returns:
         w at every sample of the run, shape (N, nv) [N·m or N].
 
     Raises:
         DimensionError: The run is of an arm with another number of joints, or shorter than two ticks.
-        GainError: An unknown `knowledge`.
+        ParameterError: An unknown `model`.
     """
     if len(result.t) < 2 or result.v.shape[1] != arm.nv:
         expected = f"a run of at least two samples with nv = {arm.nv}"
         raise DimensionError("result", expected, f"v of shape {result.v.shape}")
     dt = float(result.t[1] - result.t[0])
-    observer = SuperTwistingDisturbanceObserver(arm, reaching, dt, knowledge=knowledge)
+    observer = SuperTwistingDisturbanceObserver(arm, reaching, dt, model=model)
     state = observer.init()
     held = np.vstack([np.zeros(arm.nv), result.tau[:-1]])
     w = np.empty_like(result.v)

@@ -13,9 +13,10 @@ from uuid import uuid4
 import numpy as np
 
 from .._common.arrays import Array, BoolArray
+from .._common.deprecation import renamed_attribute
 from .._common.leaf import leaf
 from ..control.telemetry import FLAGS
-from ..exceptions import GainError, ModelError
+from ..exceptions import ModelError, ParameterError
 from ..interaction import EnvironmentLike
 from ..robot.arm_model import ArmModel
 
@@ -81,7 +82,7 @@ class SimulationResult:
         saturated: Whether the joint is at its torque limit, shape (N, nv), bool.
         rate_limited: Whether its torque may not change faster, shape (N, nv), bool.
         clipped: Whether a `BoundedSurface` sees less than its whole error, shape (N, nv), bool.
-        held: Whether a `ReferenceGuard` holds its reference back, shape (N, nv), bool.
+        reference_limited: Whether a `ReferenceGuard` holds its reference back, shape (N, nv), bool.
         provenance: What produced it: versions, model names and digests, gains, periods.
         plant: The simulated arm, for pictures; None in a result from a file, which does not hold it.
     """
@@ -99,7 +100,7 @@ class SimulationResult:
     saturated: BoolArray
     rate_limited: BoolArray
     clipped: BoolArray
-    held: BoolArray
+    reference_limited: BoolArray
     provenance: Mapping[str, Any]
     plant: ArmModel | None = None
 
@@ -119,11 +120,13 @@ class SimulationResult:
             after: Leave out the samples before this time [s] (settling times always look at the whole run).
 
         Raises:
-            GainError: Fewer than two samples remain.
+            ParameterError: Fewer than two samples remain.
         """
         kept = self.t >= after
         if np.count_nonzero(kept) < 2:
-            raise GainError("after", after, f"before the last two samples, below {self.t[-1]:g} s")
+            raise ParameterError(
+                "after", after, f"before the last two samples, below {self.t[-1]:g} s"
+            )
         figures: dict[str, Array] = {}
         for name in ("e1", "e2", "e_im"):
             size = np.abs(getattr(self, name)[kept])
@@ -187,7 +190,7 @@ class SimulationResult:
 
         Raises:
             ModelError: The result does not say which robot it was, or the robot given has other joints.
-            GainError: `fps` is not positive.
+            ParameterError: `fps` is not positive.
         """
         return self.animate(robot=robot, wrench=wrench, fps=fps).save_html(path)
 
@@ -243,3 +246,5 @@ class SimulationResult:
             raise ModelError(
                 f"'{path}' is not a whole result file written by SimulationResult.save"
             ) from error
+
+    held = renamed_attribute("held", "reference_limited")

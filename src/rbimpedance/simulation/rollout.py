@@ -37,7 +37,7 @@ def run_compiled(
         ModelError: The compiled dynamics of an arm are not Pinocchio's.
         SnapshotError: The checkpoint is of another run, or damaged.
     """
-    world = judged_world(loop, {}, STATES)
+    world = verified_world(loop, {}, STATES)
     if world is None:
         return None
     from .compiled.world import desk, journal  # noqa: PLC0415 (Numba is loaded when needed)
@@ -83,7 +83,7 @@ def _ignore(done: int, ticks: int) -> None:
     del done, ticks
 
 
-def judged_world(loop: ClosedLoop, known: dict[int, Controlled], states: int) -> World | None:
+def verified_world(loop: ClosedLoop, known: dict[int, Controlled], states: int) -> World | None:
     """Return a loop in compiled form; None where it has none, which is logged, once.
 
     Args:
@@ -134,7 +134,7 @@ def new_world(loop: ClosedLoop, controller: Controlled, plant: ArmTables) -> Wor
         plant: Tables of its plant.
 
     Raises:
-        GainError: The Runge-Kutta method cannot take friction as stiff as the plant's.
+        ParameterError: The Runge-Kutta method cannot take friction as stiff as the plant's.
         InputError: The environment does not fit the arm.
         ModelError: It acts at a frame that the arm does not have.
     """

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .._common.arrays import positive_number, vector
 from ..control.protocol import Backend, Controller
-from ..exceptions import GainError
+from ..exceptions import ParameterError
 from ..interaction import EnvironmentLike, Perfect, Sensor, as_interaction
 from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory
@@ -52,7 +52,7 @@ def simulate(
         wrench: Environment: None, an `Interaction` (`FrameWrench`, `JointTorque`, ...), or a wrench (6,) at the tool
             frame in world axes, constant or as a function of time.
         sensor: What tells the controller the environment's torque: late, filtered, or estimated without a force sensor.
-            The truth by default. The result logs the truth; `sense` gives what was told.
+            The truth by default. The result logs the truth; `replay_sensor` gives what was told.
         q0: Initial configuration, shape (nq,); `plant.neutral` by default.
         v0: Initial velocity, shape (nv,); at rest by default.
         duration: Length of the run [s], a multiple of the control period.
@@ -72,7 +72,7 @@ def simulate(
 
     Raises:
         DivergenceError: A joint left every sensible range; carries time, joint and the result so far.
-        GainError: A duration that is no multiple of the period, a bad number of substeps, an unknown integrator or
+        ParameterError: A duration that is no multiple of the period, a bad number of substeps, an unknown integrator or
             backend, or a controller made for another number of joints.
         DimensionError: An input of wrong shape or kind.
         NonFiniteError: An input holds NaN or infinity.
@@ -116,7 +116,7 @@ def closed_loop(
     arm, engine = (plant, None) if isinstance(plant, ArmModel) else (plant.arm, plant)
     if (controller.arm.nq, controller.arm.nv) != (arm.nq, arm.nv):
         words = f"an arm with the controller's nq, nv = {controller.arm.nq}, {controller.arm.nv}"
-        raise GainError("plant", repr(plant), words)
+        raise ParameterError("plant", repr(plant), words)
     q = arm.neutral if q0 is None else arm.check_configuration("q0", q0)
     return ClosedLoop(
         controller=controller,
@@ -137,28 +137,28 @@ def check_choice(name: str, value: str, choices: Iterable[str]) -> None:
     """Refuse a word that is none of the choices.
 
     Raises:
-        GainError: It is not.
+        ParameterError: It is not.
     """
     if value not in choices:
-        raise GainError(name, value, "one of " + ", ".join(map(repr, choices)))
+        raise ParameterError(name, value, "one of " + ", ".join(map(repr, choices)))
 
 
 def check_whole(name: str, value: Any, meaning: str) -> None:
     """Refuse what is no positive whole number.
 
     Raises:
-        GainError: It is not.
+        ParameterError: It is not.
     """
     is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not is_whole or value < 1:
-        raise GainError(name, value, f"a positive whole number: {meaning}")
+        raise ParameterError(name, value, f"a positive whole number: {meaning}")
 
 
 def _number_of_ticks(duration: float, dt: float) -> int:
     duration = positive_number("duration", duration, "length of the run in seconds")
     ticks = max(round(duration / dt), 1)
     if abs(ticks * dt - duration) > 1e-9 * duration:
-        raise GainError(
+        raise ParameterError(
             "duration",
             duration,
             f"a multiple of the control period dt = {dt:g} s, e.g. {ticks * dt:g}",

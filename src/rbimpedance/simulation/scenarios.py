@@ -18,7 +18,7 @@ from ..control.baselines import (
 )
 from ..control.controller import ImpedanceController
 from ..control.protocol import Controller
-from ..exceptions import GainError
+from ..exceptions import ParameterError
 from ..interaction import FrameWrench, Interaction
 from ..law.impedance import Impedance
 from ..law.super_twisting import Scheme, SuperTwisting
@@ -83,7 +83,7 @@ class Scenario:
 
 def paper(
     *,
-    known: Knowledge = "mass",
+    known: Knowledge = "inertia",
     surface: SurfaceName = "power",
     scheme: Scheme = "explicit",
     dt: float = 1e-3,
@@ -93,7 +93,7 @@ def paper(
     """Return section 4 of the paper on `urdf/two_link.urdf`, or a variation of it.
 
     Args:
-        known: "mass", as in the paper (f ≡ 0: gravity, Coriolis and friction are disturbance), or "full".
+        known: "inertia", as in the paper (f ≡ 0: gravity, Coriolis and friction are disturbance), or "full".
         surface: "power" (the paper's), "fast-terminal" or "nonsingular-terminal".
         scheme: "explicit" (the paper's law as sampled), "matched" or "implicit".
         dt: Control period [s].
@@ -101,7 +101,7 @@ def paper(
         substeps: Physics steps per control period.
 
     Raises:
-        GainError: An unknown name, or a period or duration that cannot be.
+        ParameterError: An unknown name, or a period or duration that cannot be.
     """
     arm = load_robot("two_link")
     controller = ImpedanceController(
@@ -110,7 +110,7 @@ def paper(
         surface=paper_surface(surface),
         reaching=SuperTwisting(k1=8.0, k2=10.0, scheme=scheme),
         dt=dt,
-        knowledge=known,
+        model=known,
     )
     return Scenario(
         controller=controller,
@@ -155,15 +155,15 @@ def paper_comparison(*, dt: float = 1e-3, duration: float = 10.0) -> dict[str, S
     target = Impedance(mass=1.0, damping=10.0, stiffness=20.0)
 
     def sliding(smoothing: Smoothing, width: float | None) -> FirstOrderSlidingMode:
-        return FirstOrderSlidingMode(arm, target, 5.0, 50.0, dt, smoothing, width, knowledge="mass")
+        return FirstOrderSlidingMode(arm, target, 5.0, 50.0, dt, smoothing, width, model="inertia")
 
     baselines: dict[str, Controller[Any]] = {
-        "computed torque (Hogan)": ComputedTorqueImpedance(arm, target, dt, knowledge="mass"),
-        "PD, gravity unknown": PDGravity(arm, target, dt, knowledge="mass"),
+        "computed torque (Hogan)": ComputedTorqueImpedance(arm, target, dt, model="inertia"),
+        "PD, gravity unknown": PDGravity(arm, target, dt, model="inertia"),
         "first-order, sign": sliding("sign", None),
         "first-order, boundary layer": sliding("boundary-layer", 0.05),
         "first-order, dead zone": sliding("dead-zone", 0.05),
-        "Slotine-Li": SlotineLi(arm, target, 5.0, 20.0, dt, knowledge="mass"),
+        "Slotine-Li": SlotineLi(arm, target, 5.0, 20.0, dt, model="inertia"),
     }
     return scenarios | {
         name: replace(common, controller=controller) for name, controller in baselines.items()
@@ -174,7 +174,7 @@ def paper_surface(name: SurfaceName) -> Surface:
     """Return a surface by name, with the gains that the paper's scenario uses.
 
     Raises:
-        GainError: An unknown name.
+        ParameterError: An unknown name.
     """
     if name == "power":
         return PowerSurface(gamma=3.0, exponent=5.0 / 3.0)
@@ -182,7 +182,7 @@ def paper_surface(name: SurfaceName) -> Surface:
         return FastTerminalSurface(rate=2.0, gamma=3.0, exponent=0.6, smoothing=1e-3)
     if name == "nonsingular-terminal":
         return NonsingularTerminalSurface(beta=3.0, exponent=5.0 / 3.0)
-    raise GainError("surface", name, '"power", "fast-terminal" or "nonsingular-terminal"')
+    raise ParameterError("surface", name, '"power", "fast-terminal" or "nonsingular-terminal"')
 
 
 def _paper_force(t: float) -> Array:

@@ -160,7 +160,7 @@ def _run(
 def _simulated(study: Study, task: Task, drawn: Experiment, make: Maker) -> Figures:
     try:
         result = simulate(
-            drawn.around(make(task)),
+            drawn.wrap(make(task)),
             drawn.plant,
             drawn.trajectory,
             wrench=drawn.wrench,

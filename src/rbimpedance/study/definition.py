@@ -13,7 +13,7 @@ from .._common.arrays import Array, positive_number
 from .._common.suggestions import suggest
 from ..control.imperfect import whole_number
 from ..control.protocol import Controller
-from ..exceptions import GainError
+from ..exceptions import ParameterError
 from ..interaction import EnvironmentLike, Sensor
 from ..law.impedance import Impedance
 from ..robot.arm_model import ArmModel
@@ -56,10 +56,10 @@ class Task:
         """The proposal, where a controller cannot be made without.
 
         Raises:
-            GainError: The task has none.
+            ParameterError: The task has none.
         """
         if self.proposal is None:
-            raise GainError("proposal", None, f"given in the task of '{self.robot}'")
+            raise ParameterError("proposal", None, f"given in the task of '{self.robot}'")
         return self.proposal
 
 
@@ -73,7 +73,7 @@ class Experiment:
         wrench: Environment, as in `simulate`.
         sensor: What tells the controller of the environment; the truth by default.
         q0: Initial configuration, shape (nq,); the plant's neutral one by default.
-        around: Puts the sensors and actuators around a controller that are part of the disturbance.
+        wrap: Puts the sensors and actuators around a controller that are part of the disturbance.
         substeps: Physics steps per control period, where the plant needs others than the study has.
         inputs: What was drawn, by name; columns `input_*` of the table.
     """
@@ -83,7 +83,7 @@ class Experiment:
     wrench: EnvironmentLike | None = None
     sensor: Sensor[Any] | None = None
     q0: Array | None = None
-    around: Callable[[Controller[Any]], Controller[Any]] = unchanged
+    wrap: Callable[[Controller[Any]], Controller[Any]] = unchanged
     substeps: int | None = None
     inputs: Mapping[str, float] = field(default_factory=dict)
 
@@ -108,7 +108,7 @@ class Study:
         substeps: Physics steps per control period.
 
     Raises:
-        GainError: Nothing to run, a name that cannot be one of a file, or a number that cannot be.
+        ParameterError: Nothing to run, a name that cannot be one of a file, or a number that cannot be.
     """
 
     name: str
@@ -123,17 +123,19 @@ class Study:
 
     def __post_init__(self) -> None:
         if not self.name or not self.name.replace("-", "").replace("_", "").isalnum():
-            raise GainError("name", self.name, "letters, digits, - and _: it names a file")
+            raise ParameterError("name", self.name, "letters, digits, - and _: it names a file")
         for part in ("robots", "controllers", "disturbances"):
             if not getattr(self, part):
-                raise GainError(part, getattr(self, part), "at least one, by name")
+                raise ParameterError(part, getattr(self, part), "at least one, by name")
             object.__setattr__(self, part, dict(getattr(self, part)))
         check_whole("samples", self.samples, "experiments for each robot and disturbance")
         check_whole("substeps", self.substeps, "physics steps per control period")
         whole_number("seed", self.seed)
         positive_number("duration", self.duration, "length of a run in seconds")
         if not 0.0 <= self.after < self.duration:
-            raise GainError("after", self.after, f"from 0 to below the duration, {self.duration:g}")
+            raise ParameterError(
+                "after", self.after, f"from 0 to below the duration, {self.duration:g}"
+            )
 
     @property
     def chunks(self) -> tuple[tuple[str, str], ...]:
@@ -177,7 +179,7 @@ class Study:
             samples: How many of the samples, the first ones; the study's own number by default.
 
         Raises:
-            GainError: An unknown name, or a number of samples that cannot be.
+            ParameterError: An unknown name, or a number of samples that cannot be.
         """
         return replace(
             self,
@@ -199,5 +201,5 @@ def _chosen(
 ) -> Iterator[tuple[str, Any]]:
     for name in wanted:
         if name not in known:
-            raise GainError(part, name, f"among the study's{suggest(name, known)}")
+            raise ParameterError(part, name, f"among the study's{suggest(name, known)}")
     return ((name, made) for name, made in known.items() if not wanted or name in wanted)

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from ..exceptions import GainError
+from ..exceptions import ParameterError
 from .chunk import Answer, Tasks, lost, run_chunk
 from .definition import Study
 from .folder import Chunk, StudyFolder
@@ -55,10 +55,10 @@ def run_study(
     Raises:
         StudyError: The folder is of another study.
         MissingExtraError: pyarrow, or Dask, is not installed.
-        GainError: `jobs` is not a positive whole number.
+        ParameterError: `jobs` is not a positive whole number.
     """
     if not isinstance(jobs, int) or isinstance(jobs, bool) or jobs < 1:
-        raise GainError("jobs", jobs, "a positive whole number of processes")
+        raise ParameterError("jobs", jobs, "a positive whole number of processes")
     arrow()
     folder = StudyFolder(study, Path(out))
     missing = [chunk for chunk in study.chunks if folder.rows(chunk) is None]

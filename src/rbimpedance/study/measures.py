@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from .._common.arrays import Array
-from ..exceptions import GainError
+from ..exceptions import ParameterError
 from ..robot.arm_model import ArmModel
 from ..simulation.result import SimulationResult
 from ..simulation.sampling import sample
@@ -32,11 +32,13 @@ def measure(result: SimulationResult, task: Task, trajectory: Trajectory, after:
         after: Leave out the samples before this time [s].
 
     Raises:
-        GainError: Fewer than two samples remain.
+        ParameterError: Fewer than two samples remain.
     """
     kept = result.t >= after
     if np.count_nonzero(kept) < 2:
-        raise GainError("after", after, f"before the last two samples, below {result.t[-1]:g} s")
+        raise ParameterError(
+            "after", after, f"before the last two samples, below {result.t[-1]:g} s"
+        )
     e1 = _differences(task.arm, result.q, result.q_r)[kept]
     deviation = _differences(task.arm, result.q, target_motion(result, task, trajectory))[kept]
     e_im, tau = result.e_im[kept], result.tau[kept]
@@ -80,14 +82,14 @@ def target_motion(result: SimulationResult, task: Task, trajectory: Trajectory) 
     if arm.nq == arm.nv:
         return np.asarray(q_d + deflection)
     pairs = zip(q_d, deflection, strict=True)
-    return np.array([arm.unchecked.integrate(q, step) for q, step in pairs])
+    return np.array([arm.raw_dynamics.integrate(q, step) for q, step in pairs])
 
 
 def _differences(arm: ArmModel, q0: Array, q1: Array) -> Array:
     """Row by row q1 (-) q0."""
     if arm.nq == arm.nv:
         return np.asarray(q1 - q0)
-    return np.array([arm.unchecked.difference(a, b) for a, b in zip(q0, q1, strict=True)])
+    return np.array([arm.raw_dynamics.difference(a, b) for a, b in zip(q0, q1, strict=True)])
 
 
 def _largest(values: Array) -> float:

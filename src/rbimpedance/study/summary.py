@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .._common.arrays import Array
-from ..exceptions import GainError
+from ..exceptions import ParameterError
 from .measures import Figures
 
 if TYPE_CHECKING:
@@ -91,11 +91,11 @@ def summarize(table: pa.Table) -> dict[str, Any]:
         "study", "ours", "runs"; "controllers" with counts and medians by name; "compared" by the others' names.
 
     Raises:
-        GainError: The table has no row.
+        ParameterError: The table has no row.
     """
     rows: list[Figures] = table.to_pylist()
     if not rows:
-        raise GainError("table", "no row", "the table of a study")
+        raise ParameterError("table", "no row", "the table of a study")
     names = list(dict.fromkeys(row["controller"] for row in rows))
     ours = names[0]
     return {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..control.imperfect import ImperfectController as ImperfectController
-from .motions import Spread as Spread
+from .motions import MotionMargin as MotionMargin
 from .plant_sample import PlantSample as PlantSample
 from .proposal import GainProposal as GainProposal
 from .proposal import propose_gains as propose_gains

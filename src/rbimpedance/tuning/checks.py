@@ -12,9 +12,9 @@ from .._common.arrays import Array
 from ..law.certificate import Certificate, certify
 from ..law.impedance import Impedance
 from .gain_design import Design, Measured, Task, design
+from .remedies import remedies
 from .torque_demand import Exertion, TorqueDemand
 from .torque_limits import demand_of, refused_for_torque, torque_ways_out, without_reserve
-from .ways_out import ways_out
 from .worst_case import ExtremeCase, worst_cases
 
 _SLOWER = 1.6  # the margin grows by this where a worst sample chatters or diverges
@@ -29,14 +29,14 @@ class Checked(NamedTuple):
         certificate: Theorem 1 for the effective gains; None where the margin is infinite.
         worst: The simulated worst samples.
         demand: What the motion asks of the joints against their limits; None where there are none.
-        ways_out: What would help where they are refused.
+        remedies: What would help where they are refused.
     """
 
     design: Design
     certificate: Certificate | None
     worst: tuple[ExtremeCase, ...]
     demand: TorqueDemand | None
-    ways_out: tuple[str, ...]
+    remedies: tuple[str, ...]
 
 
 def check(
@@ -103,7 +103,7 @@ def _until_failure(cases: Iterator[ExtremeCase]) -> tuple[ExtremeCase, ...]:
 def _certificate(task: Task, found: Design, q0: Array) -> Certificate:
     """Theorem 1 for the gains that are left at the smallest input gain, from the start of the motion."""
     mismatch, start = found.measured.mismatch, task.trajectory(0.0)
-    e1 = task.arm.unchecked.difference(q0, start.q)
+    e1 = task.arm.raw_dynamics.difference(q0, start.q)
     return certify(
         mismatch.gain_low * found.k1,
         mismatch.gain_low * found.k2,
@@ -129,7 +129,7 @@ def _certified(task: Task, found: Design, certificate: Certificate) -> Design:
 def _ways_out(
     task: Task, exertion: Exertion | None, found: Design, demand: TorqueDemand | None
 ) -> tuple[str, ...]:
-    """What would help: with the actuators where they are what is lacking, else with the bounds."""
+    """What would help: with the actuators where they are what is acceleration_deficit, else with the bounds."""
     if exertion is not None and demand is not None and not demand.with_reserve:
         return torque_ways_out(task, found, exertion, demand)
-    return ways_out(task, found)
+    return remedies(task, found)

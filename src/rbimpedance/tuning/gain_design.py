@@ -16,7 +16,7 @@ from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory
 from .input_gain import LARGEST_MARGIN, bears, gain_limit, needed_margin
 from .mismatch import Mismatch, carried_model, measure
-from .motions import Spread, sample_motions
+from .motions import MotionMargin, sample_motions
 from .plant_sample import PlantSample
 from .uncertainty import Uncertainty
 
@@ -69,7 +69,7 @@ class Task:
     samples: int
     instants: int
     seed: int
-    spread: Spread
+    spread: MotionMargin
     limits: Limits | None
     backend: Backend = "pinocchio"
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from .._common.arrays import Array
 from ..control.controller import ImpedanceController
-from ..exceptions import GainError, ModelError
+from ..exceptions import ModelError, ParameterError
 from ..law.impedance import Impedance
 from ..law.limits import Limits
 from ..law.super_twisting import SuperTwisting
@@ -73,10 +73,10 @@ class Gains:
             limits: Of the actuators; those of the file by default, +inf for none.
 
         Raises:
-            GainError: The file is for other joints.
+            ParameterError: The file is for other joints.
         """
         if arm.joint_names != self.joint_names:
-            raise GainError(
+            raise ParameterError(
                 "gains", f"for {self.robot}: {', '.join(self.joint_names)}", f"for '{arm.name}'"
             )
         body = (self.payload, self.payload_com, self.payload_gyration, self.payload_frame)
@@ -102,7 +102,7 @@ def proposal_data(proposal: GainProposal) -> dict[str, Any]:
         "feasible": proposal.feasible,
         "reason": proposal.reason,
         "joint": proposal.joint,
-        "ways_out": proposal.ways_out,
+        "remedies": proposal.remedies,
         "dt": proposal.dt,
         "scheme": "matched",
         "k1": proposal.k1,
@@ -149,7 +149,7 @@ def load_gains(path: str | os.PathLike[str]) -> Gains:
 
     Raises:
         ModelError: The file is missing or damaged, or of another format.
-        GainError: The proposal in it was refused.
+        ParameterError: The proposal in it was refused.
     """
     try:
         data = json.loads(Path(path).read_text(encoding="utf-8"))
@@ -161,11 +161,11 @@ def load_gains(path: str | os.PathLike[str]) -> Gains:
             return _gains(data)
     except FileNotFoundError as error:
         raise ModelError(f"no gains file '{path}'") from error
-    except (GainError, ModelError):
+    except (ParameterError, ModelError):
         raise
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise ModelError(f"'{path}' is not a whole file written by save_gains") from error
-    raise GainError("gains", data["reason"], f"feasible; those in '{path}' were refused")
+    raise ParameterError("gains", data["reason"], f"feasible; those in '{path}' were refused")
 
 
 def _gains(data: Mapping[str, Any]) -> Gains:

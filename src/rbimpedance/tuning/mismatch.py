@@ -141,8 +141,8 @@ def _look(model: ArmModel, sample: PlantSample, motions: Sequence[Motion], dt: f
         torque = np.maximum(torque, np.abs(missed))
         disturbance = np.maximum(disturbance, np.abs(pushed))
         rate = np.maximum(rate, np.abs(pushed_then - pushed) / dt)
-        M_true = sample.plant.unchecked.mass_matrix(now.q)
-        M_model = kappa[:, None] * model.unchecked.mass_matrix(now.q)
+        M_true = sample.plant.raw_dynamics.mass_matrix(now.q)
+        M_model = kappa[:, None] * model.raw_dynamics.mass_matrix(now.q)
         inertia = np.minimum(inertia, 1.0 / np.diag(np.linalg.inv(M_true + np.diag(softest))))
         for slope in (softest, stiffest) if (stiffest > softest).any() else (softest,):
             gains = _gains(M_true + np.diag(slope), M_model)
@@ -154,9 +154,9 @@ def _missed(
     model: ArmModel, sample: PlantSample, motion: Reference, held: Array
 ) -> tuple[Array, Array]:
     """Torque that the model misses on a motion, and the acceleration that it stands for."""
-    asked = sample.torque_constant * model.unchecked.inverse_dynamics(*motion)
-    missed = sample.plant.unchecked.inverse_dynamics(*motion) - asked
-    M = sample.plant.unchecked.mass_matrix(motion.q) + np.diag(held)
+    asked = sample.torque_constant * model.raw_dynamics.inverse_dynamics(*motion)
+    missed = sample.plant.raw_dynamics.inverse_dynamics(*motion) - asked
+    M = sample.plant.raw_dynamics.mass_matrix(motion.q) + np.diag(held)
     return missed, np.asarray(np.linalg.solve(M, missed), dtype=np.float64)
 
 

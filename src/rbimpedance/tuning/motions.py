@@ -14,7 +14,7 @@ from .ranges import size
 
 
 @dataclass(frozen=True)
-class Spread:
+class MotionMargin:
     """How far motions leave the trajectory: tracking errors, and what pushes do to the impedance reference.
 
     A push that swings the reference at the frequency ω = acceleration/velocity also makes the acceleration change, at
@@ -27,7 +27,7 @@ class Spread:
         acceleration: At most this much more or less [rad/s² or m/s²].
 
     Raises:
-        GainError: A spread that cannot be.
+        ParameterError: A spread that cannot be.
     """
 
     position: float = 0.05
@@ -60,7 +60,7 @@ def sample_motions(
     dt: float,
     count: int,
     seed: int,
-    spread: Spread,
+    spread: MotionMargin,
 ) -> tuple[Motion, ...]:
     """Return motions on the trajectory and around it, spread over its duration.
 
@@ -91,5 +91,5 @@ def sample_motions(
 def _beside(arm: ArmModel, reference: Reference, q: Array, v: Array, a: Array) -> Reference:
     """A motion that differs from a reference by q, v and a, each of shape (nv,)."""
     return Reference(
-        arm.unchecked.integrate(reference.q, q), reference.v + v, np.asarray(reference.a + a)
+        arm.raw_dynamics.integrate(reference.q, q), reference.v + v, np.asarray(reference.a + a)
     )

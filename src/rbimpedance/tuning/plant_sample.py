@@ -49,7 +49,7 @@ class PlantSample:
     delay: int
     seed: int
 
-    def around(self, controller: Controller[Any], *, noisy: bool = True) -> Controller[Any]:
+    def wrap(self, controller: Controller[Any], *, noisy: bool = True) -> Controller[Any]:
         """Return the controller behind this sample's sensors and actuators.
 
         Args:

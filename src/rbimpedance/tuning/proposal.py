@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, per_joint, positive_number
+from .._common.deprecation import renamed_attribute
 from ..control.controller import ImpedanceController
 from ..control.imperfect import whole_number
 from ..control.protocol import Backend
-from ..exceptions import GainError
+from ..exceptions import ParameterError
 from ..law.certificate import Certificate
 from ..law.impedance import Impedance
 from ..law.limits import Limits, as_limits
@@ -23,7 +24,7 @@ from ..trajectories import Trajectory
 from .checks import Checked, check
 from .gain_design import Task, measure_task
 from .mismatch import Mismatch
-from .motions import Spread
+from .motions import MotionMargin
 from .torque_demand import TorqueDemand
 from .uncertainty import Uncertainty
 from .worst_case import ExtremeCase
@@ -37,7 +38,7 @@ class GainProposal:
         feasible: Whether bounds, certificate, the scheme's margins and the worst samples all allow these gains.
         reason: Why not; empty where feasible.
         joint: Name of the joint that stands in the way, or None.
-        ways_out: What would help, with what it would change.
+        remedies: What would help, with what it would change.
         nominal: The arm as it was given.
         arm: The model that the controller should carry.
         payload: Payload in that model [kg].
@@ -62,7 +63,7 @@ class GainProposal:
     feasible: bool
     reason: str
     joint: str | None
-    ways_out: tuple[str, ...]
+    remedies: tuple[str, ...]
     nominal: ArmModel
     arm: ArmModel
     payload: float
@@ -93,10 +94,10 @@ class GainProposal:
             limits: Of the actuators; those of the proposal by default, +inf for none.
 
         Raises:
-            GainError: The proposal is not feasible.
+            ParameterError: The proposal is not feasible.
         """
         if not self.feasible:
-            raise GainError("proposal", self.reason, "feasible; see its ways_out")
+            raise ParameterError("proposal", self.reason, "feasible; see its remedies")
         reaching = SuperTwisting(self.k1, self.k2, "matched", self.margin)
         impedance = _usual_impedance() if impedance is None else impedance
         limits = self.limits if limits is None else limits
@@ -108,7 +109,7 @@ class GainProposal:
         """Say in plain language what is proposed, or why nothing is and what would help."""
         mismatch = self.mismatch
         if not self.feasible:
-            ways = "\n".join(f"- {way}" for way in self.ways_out)
+            ways = "\n".join(f"- {way}" for way in self.remedies)
             return f"No gains: {self.reason}.\nWays out:\n{ways}"
         return (
             f"The controller carries {self.payload:.3g} kg. A plant answers with {mismatch.gain_low:.2g} to "
@@ -125,6 +126,8 @@ class GainProposal:
         name, share = self.nominal.joint_names[i], float(self.torque.share[i])
         return f" Of its limits joint '{name}' needs the most, {share:.0%}."
 
+    ways_out = renamed_attribute("ways_out", "remedies")
+
 
 def propose_gains(
     arm: ArmModel,
@@ -135,7 +138,7 @@ def propose_gains(
     impedance: Impedance | None = None,
     surface: Surface | None = None,
     q0: ArrayLike | None = None,
-    spread: Spread | None = None,
+    spread: MotionMargin | None = None,
     limits: Limits | ArrayLike | None = None,
     duration: float = 5.0,
     accuracy: float = 1e-3,
@@ -174,13 +177,13 @@ def propose_gains(
         The proposal: yes with the numbers behind it, or no with the joint, the reason and the ways out.
 
     Raises:
-        GainError: A period, duration, accuracy, limit or count that cannot be, or a surface that Theorem 1 does not
-            cover.
+        ParameterError: A period, duration, accuracy, limit or count that cannot be, or a surface that Theorem 1 does
+            not cover.
         DimensionError: A range, the surface, a limit or q0 is for another number of joints.
         ModelError: The arm has no such payload frame.
     """
     if isinstance(surface, NonsingularTerminalSurface):
-        raise GainError("surface", surface, "one with s = φ(e1) + e2, power or fast terminal")
+        raise ParameterError("surface", surface, "one with s = φ(e1) + e2, power or fast terminal")
     task = Task(
         arm=arm,
         uncertainty=uncertainty,
@@ -192,7 +195,7 @@ def propose_gains(
         samples=whole_number("samples", samples, 1),
         instants=whole_number("instants", instants, 1),
         seed=whole_number("seed", seed),
-        spread=Spread() if spread is None else spread,
+        spread=MotionMargin() if spread is None else spread,
         limits=_checked_limits(limits, arm.nv),
         backend=backend,
     )
@@ -220,7 +223,7 @@ def _proposal(task: Task, checked: Checked) -> GainProposal:
         feasible=feasible,
         reason=found.reason,
         joint=None if found.joint is None else task.arm.joint_names[found.joint],
-        ways_out=checked.ways_out,
+        remedies=checked.remedies,
         nominal=task.arm,
         arm=found.measured.model,
         payload=found.measured.payload,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, gain, real, vector
-from ..exceptions import DimensionError, GainError
+from ..exceptions import DimensionError, ParameterError
 
 
 def is_positive(x: Array) -> Any:
@@ -33,9 +33,9 @@ def range_of(
     if array.ndim > 2 or array.shape[0] != 2:
         raise DimensionError(name, words, f"shape {array.shape}")
     if not np.isfinite(array).all() or not is_admissible(array).all():
-        raise GainError(name, value, words)
+        raise ParameterError(name, value, words)
     if (array[0] > array[1]).any():
-        raise GainError(name, value, "a (lowest, highest) pair in this order")
+        raise ParameterError(name, value, "a (lowest, highest) pair in this order")
     array = np.array(array)
     array.setflags(write=False)
     return array
@@ -68,7 +68,7 @@ def box(name: str, value: ArrayLike) -> Array:
     corners = array if array.ndim == 2 else np.stack([array, array])
     box = np.stack([vector(name, corner, 3, "x, y, z") for corner in corners])
     if (box[0] > box[1]).any():
-        raise GainError(name, value, "two corners, the lower one first in every coordinate")
+        raise ParameterError(name, value, "two corners, the lower one first in every coordinate")
     box.setflags(write=False)
     return box
 
@@ -77,5 +77,5 @@ def size(name: str, value: Any) -> float:
     """A finite number that is not negative."""
     array = gain(name, value, "zero or positive", is_not_negative)
     if array.ndim:
-        raise GainError(name, value, "a single number, zero or positive")
+        raise ParameterError(name, value, "a single number, zero or positive")
     return float(array)

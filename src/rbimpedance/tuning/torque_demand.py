@@ -30,8 +30,8 @@ class TorqueDemand:
     their ranges; every corner that `Uncertainty.extremes` gives is among the plants that this is taken over.
 
     Attributes:
-        needed: Largest torque that is asked for by the motion, by the acceleration that pushes cause (`Spread`) and by
-            the sensors' noise [N·m or N].
+        needed: Largest torque that is asked for by the motion, by the acceleration that pushes cause (`MotionMargin`)
+            and by the sensors' noise [N·m or N].
         reserve: What is wanted beyond that to converge, the torque for `RESERVE_ACCELERATION`; where a limit leaves
             less, simulation decides [N·m or N].
         limit: What the joint has; infinite where there is no limit [N·m or N].
@@ -100,7 +100,7 @@ class Exertion:
         self._motion = [trajectory(t) for t in self.times.tolist()]
         few = self._motion[:: count // 25]
         sizes = [
-            np.abs(sample.plant.unchecked.mass_matrix(now.q) / sample.torque_constant[:, None])
+            np.abs(sample.plant.raw_dynamics.mass_matrix(now.q) / sample.torque_constant[:, None])
             for sample in self.plants
             for now in few
         ]
@@ -115,13 +115,13 @@ class Exertion:
             slower: Factor on the motion's time; torque without friction is g(q) + (M a + C v)/slower².
         """
         v = np.array([now.v for now in self._motion]) / slower
-        friction = [s.plant.unchecked.friction(v) / s.torque_constant for s in self.plants]
+        friction = [s.plant.raw_dynamics.friction(v) / s.torque_constant for s in self.plants]
         torque: Array = self._resting + self._moving / slower**2 + np.array(friction)
         return torque
 
     def _torques(self, sample: PlantSample) -> tuple[Array, Array]:
         """Torque at rest, and what inertia adds, each of shape (N, nv)."""
-        dynamics, zero = sample.plant.unchecked, np.zeros(sample.plant.nv)
+        dynamics, zero = sample.plant.raw_dynamics, np.zeros(sample.plant.nv)
         resting = np.array([dynamics.bias(now.q, zero) for now in self._motion])
         whole = np.array(
             [dynamics.inverse_dynamics(*now) - dynamics.friction(now.v) for now in self._motion]

@@ -54,7 +54,7 @@ def torque_ways_out(
         task: What was asked for.
         found: The design that the limits do not allow.
         exertion: The torques of the task's motion.
-        demand: What is lacking.
+        demand: What is acceleration_deficit.
     """
     ways = (_slower(task, found, exertion), _lighter(task, found), _stronger(task, demand))
     return tuple(way for way in ways if way is not None)

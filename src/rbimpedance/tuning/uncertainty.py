@@ -44,7 +44,7 @@ class Uncertainty:
         delay: Ticks from a measurement to the torque that it leads to.
 
     Raises:
-        GainError: A range that is empty, or with values that cannot be.
+        ParameterError: A range that is empty, or with values that cannot be.
         DimensionError: Neither a number nor a pair.
     """
 
@@ -111,7 +111,7 @@ class Uncertainty:
             seed: Of the draw and of the noise.
 
         Raises:
-            GainError: `count` or `seed` is not a whole number, or `count` is 0.
+            ParameterError: `count` or `seed` is not a whole number, or `count` is 0.
             DimensionError: A range is given for another number of joints.
             ModelError: The arm has no frame `payload_frame`.
         """
@@ -173,7 +173,7 @@ class Uncertainty:
             arm.viscous + drawn["viscous"], arm.coulomb + drawn["coulomb"]
         ).with_armature(drawn["armature"])
         if drawn["tilt"].any():
-            gravity = np.array(arm.unchecked.model.gravity.linear)
+            gravity = np.array(arm.raw_dynamics.model.gravity.linear)
             plant = plant.with_gravity(tilted(gravity, drawn["tilt"]))
         return PlantSample(
             plant=with_body(plant, payload, drawn["com"], gyration, self.payload_frame),

@@ -104,7 +104,7 @@ def worst_cases(
 def true_error(plant: ArmModel, result: SimulationResult) -> Array:
     """Return q_r (-) q over time, without the sensors' noise and delay, shape (N, nv) [rad or m]."""
     pairs = zip(result.q, result.q_r, strict=True)
-    return np.array([plant.unchecked.difference(q, q_r) for q, q_r in pairs])
+    return np.array([plant.raw_dynamics.difference(q, q_r) for q, q_r in pairs])
 
 
 def needed_variation(plant: ArmModel, trajectory: Trajectory, times: Array) -> Array:
@@ -115,7 +115,7 @@ def needed_variation(plant: ArmModel, trajectory: Trajectory, times: Array) -> A
         trajectory: The motion.
         times: Instants to take, increasing.
     """
-    tau = np.array([plant.unchecked.inverse_dynamics(*trajectory(t)) for t in times.tolist()])
+    tau = np.array([plant.raw_dynamics.inverse_dynamics(*trajectory(t)) for t in times.tolist()])
     variation: Array = np.abs(np.diff(tau, axis=0)).sum(axis=0) / (times[-1] - times[0])
     return variation
 
@@ -129,7 +129,7 @@ def _run(
     noisy: bool,
     on_tick: Callable[[int, int], None] | None,
 ) -> ExtremeCase:
-    controller = sample.around(controller_for(design, task.dt, impedance, task.limits), noisy=noisy)
+    controller = sample.wrap(controller_for(design, task.dt, impedance, task.limits), noisy=noisy)
     ticks = max(round(task.duration / task.dt), 10)
     diverged = None
     try:

@@ -108,6 +108,6 @@ def inputs(arm: ArmModel, seed: int = 0) -> list[Inputs]:
     found = []
     for t in np.linspace(0.0, 6.0, STATES, endpoint=False):
         reference, noise = trajectory(float(t)), rng.normal(size=(3, arm.nv))
-        q = arm.unchecked.integrate(reference.q, 1e-3 * noise[0])
+        q = arm.raw_dynamics.integrate(reference.q, 1e-3 * noise[0])
         found.append(Inputs(q, reference.v + 1e-2 * noise[1], reference, noise[2]))
     return found

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as ProgressBar
 
 from ..._common.suggestions import suggest
-from ...exceptions import GainError
+from ...exceptions import ParameterError
 from ...pictures import figures as plotting
 from ..terminal import print_json, print_table, stderr, stdout
 from . import goals, page, report
@@ -117,7 +117,7 @@ def _chosen(wanted: list[str] | None, robot: str, *, with_peers: bool) -> list[s
     for name in wanted or ():
         if name not in known:
             words = f"the name of a table{suggest(name, known)}"
-            raise GainError("--section", name, words)
+            raise ParameterError("--section", name, words)
     if wanted:
         return [name for name in known if name in wanted]
     if robot != _MAIN:

@@ -60,7 +60,7 @@ def _prepared(made: ImpedanceController, given: Inputs) -> Callable[[int, int], 
         made.surface,
         reaching,
         made.limits,
-        made.knowledge,
+        made.model,
     )
     tables, state = CompiledDynamics(made.arm).tables, np.zeros((nv, COLUMNS))
     vectors = (given.q, given.v, *given.reference, given.tau_ext)

@@ -74,7 +74,7 @@ def laws(setting: Setting) -> Section:
         for backend in BACKENDS:
             made = controller(setting.arm, backend, surface, scheme)
             timers[ticks.STEP[backend]] = timer(ticks.step(made, given))
-            timers[ticks.LEAN[backend]] = timer(ticks.lean(made, given))
+            timers[ticks.LEAN[backend]] = timer(ticks.realtime(made, given))
         found = interleaved(timers, setting.plan.ticks // 4, rounds=_TURNS // 2)
         yardstick = median(found.pop(ticks.RNEA))
         figures = {f"{RATIO} rnea, {name}": median(x) / yardstick for name, x in found.items()}

@@ -28,7 +28,7 @@ def of_arm(arm: ArmModel) -> dict[str, Ticks]:
         RNEA: rnea(arm, given),
         **{STEP[backend]: step(made[backend], given) for backend in BACKENDS},
         READ: step_and_read(made["compiled"], given),
-        **{LEAN[backend]: lean(made[backend], given) for backend in BACKENDS},
+        **{LEAN[backend]: realtime(made[backend], given) for backend in BACKENDS},
     }
 
 
@@ -61,9 +61,9 @@ def step_and_read(made: ImpedanceController, given: Sequence[Inputs]) -> Ticks:
         yield clock()
 
 
-def lean(made: ImpedanceController, given: Sequence[Inputs]) -> Ticks:
-    """`LeanController.torque`, one tick after the other."""
-    return repeated(made.lean().torque, [tuple(x) for x in given])
+def realtime(made: ImpedanceController, given: Sequence[Inputs]) -> Ticks:
+    """`RealtimeController.torque`, one tick after the other."""
+    return repeated(made.realtime().torque, [tuple(x) for x in given])
 
 
 def repeated(call: Callable[..., Any], rows: Sequence[tuple[Any, ...]]) -> Ticks:

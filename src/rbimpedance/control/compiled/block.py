@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._common.arrays import Array, BoolArray
+from ..._common.deprecation import renamed_attribute
 from ..telemetry import ControllerOutput, ControllerState
 
 # Columns of a block, one row a joint.
@@ -134,11 +135,13 @@ class PackedOutput(_Packed):
     tau, v_r, a_r = _column(TAU), _column(V_R), _column(A_R)
     e1, e2, s, u = _column(E1), _column(E2), _column(S), _column(U)
     q_e, v_e = _column(Q_E), _column(V_E)
-    saturated, guaranteed = _flag(SATURATED), _flag(GUARANTEED)
+    saturated, premise_holds = _flag(SATURATED), _flag(GUARANTEED)
     rate_limited, clipped = _flag(RATE_LIMITED), _flag(CLIPPED)
+    guaranteed = renamed_attribute("guaranteed", "premise_holds")
+    held = renamed_attribute("held", "reference_limited")
 
     @property
-    def held(self) -> BoolArray:
+    def reference_limited(self) -> BoolArray:
         """False: only a `ReferenceGuard` holds a joint back."""
         return np.zeros(len(self.rows), dtype=np.bool_)
 

@@ -74,9 +74,9 @@ class Scratch(NamedTuple):
     Attributes:
         command: Acceleration that the torque is to bring about, shape (nv,).
         torque: Torque of the model for it, shape (nv,).
-        hold_gain: Of the surface, shape (nv,).
+        zoh_gain: Of the surface, shape (nv,).
         wanted: Torque before the limits, shape (nv,).
-        lacking: Acceleration withheld by them, shape (nv,).
+        acceleration_deficit: Acceleration withheld by them, shape (nv,).
         held: Whether the joint is held at its limit, 1 or 0, shape (nv,).
         mass: M(q), shape (nv, nv).
         factor: Its Cholesky factor over the joints at their limits, shape (nv, nv).
@@ -86,9 +86,9 @@ class Scratch(NamedTuple):
 
     command: Array
     torque: Array
-    hold_gain: Array
+    zoh_gain: Array
     wanted: Array
-    lacking: Array
+    acceleration_deficit: Array
     held: Array
     mass: Array
     factor: Array

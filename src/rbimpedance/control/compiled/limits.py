@@ -33,19 +33,19 @@ def within_limits(law: Law, scratch: Scratch, state: Array, block: Array) -> Non
         state: Block of the tick before.
         block: Block of this tick, with the torque that the law asks for.
     """
-    n, gains, lacking = len(scratch.wanted), law.gains, scratch.lacking
+    n, gains, acceleration_deficit = len(scratch.wanted), law.gains, scratch.acceleration_deficit
     _allocate(law, scratch, state, block)
     for j in range(n):
-        missing = scratch.hold_gain[j] * lacking[j]
+        unrealised_u = scratch.zoh_gain[j] * acceleration_deficit[j]
         z, z_next = block[j, Z], block[j, NEXT_Z]
-        if (z_next - z) * missing > 0.0:
+        if (z_next - z) * unrealised_u > 0.0:
             block[j, NEXT_Z] = z
         if law.choices[0, SCHEME] == IMPLICIT:
             block[j, NEXT_X] += gains[j, DT] * (
-                missing - gains[j, K2] * (z_next - block[j, NEXT_Z])
+                unrealised_u - gains[j, K2] * (z_next - block[j, NEXT_Z])
             )
-        block[j, U] -= missing
-        put_flags(law, j, state, block, missing == 0.0)
+        block[j, U] -= unrealised_u
+        put_flags(law, j, state, block, unrealised_u == 0.0)
 
 
 @inline
@@ -59,7 +59,7 @@ def bounds(law: Law, j: int, state: Array) -> tuple[float, float]:
 
 
 @inline
-def put_flags(law: Law, j: int, state: Array, block: Array, guaranteed: bool) -> None:
+def put_flags(law: Law, j: int, state: Array, block: Array, premise_holds: bool) -> None:
     """Write which limits joint j is at, and whether its reaching law acts in full; the other flags stay."""
     tau = block[j, TAU]
     lower, upper = bounds(law, j, state)
@@ -68,7 +68,7 @@ def put_flags(law: Law, j: int, state: Array, block: Array, guaranteed: bool) ->
         flags |= SATURATED
     elif tau <= lower or tau >= upper:
         flags |= RATE_LIMITED
-    if guaranteed:
+    if premise_holds:
         flags |= GUARANTEED
     block[j, FLAGS] = flags
 
@@ -76,10 +76,15 @@ def put_flags(law: Law, j: int, state: Array, block: Array, guaranteed: bool) ->
 @inline
 def _allocate(law: Law, scratch: Scratch, state: Array, block: Array) -> None:
     """Torque within the limits, and the acceleration that it lacks."""
-    wanted, lacking, held, M = scratch.wanted, scratch.lacking, scratch.held, scratch.mass
+    wanted, acceleration_deficit, held, M = (
+        scratch.wanted,
+        scratch.acceleration_deficit,
+        scratch.held,
+        scratch.mass,
+    )
     n, exceeds = len(wanted), True
     for j in range(n):
-        wanted[j], lacking[j], held[j] = block[j, TAU], 0.0, 0.0
+        wanted[j], acceleration_deficit[j], held[j] = block[j, TAU], 0.0, 0.0
     while exceeds:
         for j in range(n):
             lower, upper = bounds(law, j, state)
@@ -92,7 +97,7 @@ def _allocate(law: Law, scratch: Scratch, state: Array, block: Array) -> None:
             if held[i] == 0.0:
                 tau = wanted[i]
                 for j in range(n):
-                    tau -= M[i, j] * lacking[j]
+                    tau -= M[i, j] * acceleration_deficit[j]
                 block[i, TAU] = tau
                 lower, upper = bounds(law, i, state)
                 if tau < lower or tau > upper:
@@ -101,8 +106,8 @@ def _allocate(law: Law, scratch: Scratch, state: Array, block: Array) -> None:
 
 @inline
 def _solve_held(scratch: Scratch, block: Array) -> None:
-    """Solve M_SS·lacking_S = (wanted - tau)_S over the held joints S by Cholesky; elsewhere lacking stays zero."""
-    wanted, lacking, held = scratch.wanted, scratch.lacking, scratch.held
+    """Solve M_SS·deficit_S = (wanted - tau)_S over the held joints S by Cholesky; elsewhere the deficit stays zero."""
+    wanted, acceleration_deficit, held = scratch.wanted, scratch.acceleration_deficit, scratch.held
     M, L, n = scratch.mass, scratch.factor, len(scratch.wanted)
     for i in range(n):
         if held[i] == 0.0:
@@ -117,15 +122,15 @@ def _solve_held(scratch: Scratch, block: Array) -> None:
                     entry -= L[i, k] * L[j, k]
             if j < i:
                 L[i, j] = entry / L[j, j]
-                total -= L[i, j] * lacking[j]
+                total -= L[i, j] * acceleration_deficit[j]
             else:
                 L[i, i] = math.sqrt(entry)
-        lacking[i] = total / L[i, i]
+        acceleration_deficit[i] = total / L[i, i]
     for i in range(n - 1, -1, -1):
         if held[i] == 0.0:
             continue
-        total = lacking[i]
+        total = acceleration_deficit[i]
         for k in range(i + 1, n):
             if held[k] != 0.0:
-                total -= L[k, i] * lacking[k]
-        lacking[i] = total / L[i, i]
+                total -= L[k, i] * acceleration_deficit[k]
+        acceleration_deficit[i] = total / L[i, i]

@@ -47,7 +47,7 @@ def pack_law(
     surface: Surface,
     reaching: SuperTwisting,
     limits: Limits | None,
-    knowledge: str,
+    model: str,
 ) -> Law:
     """Return the tables of a law.
 
@@ -58,12 +58,12 @@ def pack_law(
         surface: One that `can_pack` knows.
         reaching: One that `can_pack` knows.
         limits: Limits of the torque, or None.
-        knowledge: "full" or "mass".
+        model: "full" or "inertia".
     """
     gains = np.zeros((nv, at.GAINS))
     gains[:, [at.EFFORT, at.TORQUE_STEP, at.SEEN]] = np.inf
     if isinstance(surface, BoundedSurface):
-        gains[:, at.SEEN] = surface.error
+        gains[:, at.SEEN] = surface.max_error
     surface = _within_bound(surface)
     kind, names = _SURFACES[type(surface)]
     for column, name in names.items():
@@ -78,17 +78,17 @@ def pack_law(
     if limits is not None:
         gains[:, at.EFFORT], gains[:, at.TORQUE_STEP] = limits.effort, limits.rate * dt
     form, table = _pack_filter(impedance_filter, nv)
-    knows = at.FULL if knowledge == "full" else at.MASS_ONLY
+    knows = at.FULL if model == "full" else at.MASS_ONLY
     choices = np.array([[kind, _SCHEMES[reaching.scheme], form, knows]])
     return Law(gains, table, choices)
 
 
 def scratch(nv: int) -> Scratch:
     """Return what a tick of nv joints writes besides its output."""
-    command, torque, hold_gain, wanted, lacking, held = np.zeros((6, nv))
+    command, torque, zoh_gain, wanted, acceleration_deficit, held = np.zeros((6, nv))
     mass, factor = np.zeros((2, nv, nv))
     block, filtered = np.zeros((nv, COLUMNS)), np.zeros(3 * nv)
-    vectors = command, torque, hold_gain, wanted, lacking, held
+    vectors = command, torque, zoh_gain, wanted, acceleration_deficit, held
     return Scratch(*vectors, mass, factor, block, filtered)
 
 

@@ -20,7 +20,7 @@ def compiled_tick(
     reaching: SuperTwisting,
     dt: float,
     *,
-    knowledge: str,
+    model: str,
     limits: Limits | None,
     backend: str,
 ) -> Tick | None:
@@ -36,7 +36,7 @@ def compiled_tick(
         surface: Its surface.
         reaching: Its reaching law.
         dt: Its period [s].
-        knowledge: "full" or "mass".
+        model: "full" or "inertia".
         limits: Limits of the torque, or None.
         backend: "pinocchio" or "compiled".
 
@@ -52,7 +52,7 @@ def compiled_tick(
         names = f"{type(surface).__name__} with {type(reaching).__name__}"
         say_once(f"there is no compiled form of {names}: NumPy computes it, more slowly")
         return None
-    law = pack_law(arm.nv, dt, impedance_filter, surface, reaching, limits, knowledge)
+    law = pack_law(arm.nv, dt, impedance_filter, surface, reaching, limits, model)
     if backend == "compiled":
         try:
             return CompiledTick(arm, law, impedance_filter)

@@ -96,7 +96,7 @@ def before_torque(
         block: Block of this tick; with a filter that is given, it holds a_e and the next q_e and v_e.
     """
     q, v, q_d, v_d, a_d, tau_ext = given
-    command, hold_gain = scratch.command, scratch.hold_gain
+    command, zoh_gain = scratch.command, scratch.zoh_gain
     starts = state[0, TICKS] == 0.0
     if law.choices[0, FILTER] == COUPLED:
         _couple(law, state, tau_ext, scratch.filtered)
@@ -111,7 +111,7 @@ def before_torque(
         if starts:
             z, x, a = 0.0, s, 0.0
         u, z_next, x_next, a_next = reaching(law, j, s, z, x, a)  # eq. (8)
-        command[j], hold_gain[j] = a_r + (feedforward + u) / gain, gain
+        command[j], zoh_gain[j] = a_r + (feedforward + u) / gain, gain
         block[j, V_R], block[j, A_R], block[j, E1], block[j, E2] = v_r, a_r, e1, e2
         block[j, S], block[j, U], block[j, Q_E], block[j, V_E] = s, u, q_e, v_e
         block[j, NEXT_Q_E], block[j, NEXT_V_E] = q_e_next, v_e_next

@@ -23,7 +23,7 @@ from .kernels import EFFORT, FILTER, FULL, GIVEN, KNOWLEDGE, TORQUE_STEP, Law
 from .pack import scratch
 
 
-class Bench:
+class TickWorkspace:
     """What one tick around Pinocchio's RNEA at a time works with besides its arguments.
 
     Attributes:
@@ -39,13 +39,13 @@ class Bench:
     __slots__ = ("held", "mass_matrix", "rnea", "scratch")
 
     def __init__(self, arm: ArmModel) -> None:
-        dynamics = pinocchio_dynamics(arm.unchecked.model)
+        dynamics = pinocchio_dynamics(arm.raw_dynamics.model)
         self.rnea, self.mass_matrix = dynamics.rnea, dynamics.mass_matrix
         self.scratch = scratch(arm.nv)
         self.held = hold(self.scratch)
 
 
-_BENCHES: weakref.WeakKeyDictionary[ArmModel, list[Bench]] = weakref.WeakKeyDictionary()
+_WORKSPACES: weakref.WeakKeyDictionary[ArmModel, list[TickWorkspace]] = weakref.WeakKeyDictionary()
 
 
 class Tick:
@@ -122,7 +122,7 @@ class FusedTick(Tick):
 
     def ticker(self, tau: Array) -> tuple[Step, Any]:
         """See `Tick`."""
-        arm, benches = self.arm, _BENCHES.setdefault(self.arm, [])
+        arm, workspaces = self.arm, _WORKSPACES.setdefault(self.arm, [])
         fixed = hold(Fixed(coordinate_tables(arm), self.law))
         before, after, limit = before_kernel(), after_kernel(), self._limit_kernel()
         knows_all = self.law.choices[0, KNOWLEDGE] == FULL
@@ -130,24 +130,24 @@ class FusedTick(Tick):
 
         def tick(tau: Array, state: Any, q: Array, v: Array, reference: Any, tau_ext: Array) -> Any:
             try:  # in the end there is one for each thread that needed one at once
-                bench = benches.pop()
+                workspace = workspaces.pop()
             except IndexError:
-                bench = Bench(arm)
-            held, work = bench.held, bench.scratch
+                workspace = TickWorkspace(arm)
+            held, work = workspace.held, workspace.scratch
             try:
                 if put_filtered is not None:
                     put_filtered(state, tau_ext, work.block)
                 if before(fixed, held, state, q, v, reference, tau_ext):
                     return None
                 a = work.command
-                torque = bench.rnea(q, v, a) if knows_all else bench.mass_matrix(q) @ a
+                torque = workspace.rnea(q, v, a) if knows_all else workspace.mass_matrix(q) @ a
                 answer = after(fixed, held, tau, state, torque, v, tau_ext)
                 if answer is None:  # beyond a limit
-                    work.mass[:] = bench.mass_matrix(q)
+                    work.mass[:] = workspace.mass_matrix(q)
                     answer = limit(fixed, held, tau, state)
                 return answer
             finally:
-                benches.append(bench)
+                workspaces.append(workspace)
 
         return tick, tau
 

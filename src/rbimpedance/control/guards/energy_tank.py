@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from ..._common.arrays import Array, gain, positive_number, vector
 from ..._common.frozen import set_fields
-from ...exceptions import GainError
+from ...exceptions import ParameterError
 from ...interaction import Sensor
 from ...law.impedance import Impedance, ImpedanceMatrices, TargetFilter
 from ...robot.arm_model import ArmModel
@@ -83,7 +83,7 @@ class EnergyTank:
         refill: η, from 0 to 1.
 
     Raises:
-        GainError: A target that is not an `Impedance`, or a number outside its range.
+        ParameterError: A target that is not an `Impedance`, or a number outside its range.
 
     References:
         F. Ferraguti, C. Secchi, C. Fantuzzi, A tank-based approach to impedance control with variable stiffness,
@@ -108,7 +108,7 @@ class EnergyTank:
         refill: float = 0.9,
     ) -> None:
         if not isinstance(controller.impedance, Impedance):
-            raise GainError("controller.impedance", controller.impedance, "an Impedance")
+            raise ParameterError("controller.impedance", controller.impedance, "an Impedance")
         capacity = positive_number("capacity", capacity, "energy in J")
         start = capacity / 2.0 if start is None else _number("start", start, capacity)
         refill = _number("refill", refill, 1.0)
@@ -139,7 +139,7 @@ class EnergyTank:
             impedance: The target to go to.
 
         Raises:
-            GainError: It is not an `Impedance`.
+            ParameterError: It is not an `Impedance`.
             DimensionError: It is for another number of joints.
         """
         return EnergyTank(
@@ -301,5 +301,5 @@ def _stored(state: TankState) -> float:
 def _number(name: str, value: float, largest: float) -> float:
     number = gain(name, value, f"from 0 to {largest:g}", lambda x: (x >= 0.0) & (x <= largest))
     if number.ndim:
-        raise GainError(name, value, "a single number")
+        raise ParameterError(name, value, "a single number")
     return float(number)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..._common.arrays import Array, is_finite, per_joint, positive_number
 from ..._common.frozen import set_fields
-from ...exceptions import GainError, InputError
+from ...exceptions import InputError, ParameterError
 from ...interaction.estimators import MomentumObserver, MomentumState
 from ...law.limits import Limits, as_limits
 from ...robot.arm_model import ArmModel
@@ -59,7 +59,7 @@ class FaultGuard:
         frozen_travel: Motion that has to show meanwhile [rad or m]; see `Monitor`.
 
     Raises:
-        GainError: An unknown policy, a number that is not positive, or λ beyond half of 1/dt.
+        ParameterError: An unknown policy, a number that is not positive, or λ beyond half of 1/dt.
     """
 
     controller: Controller[Any]
@@ -105,10 +105,10 @@ class FaultGuard:
         """
         arm: ArmModel = controller.arm
         if policy not in get_args(Policy):
-            raise GainError("policy", policy, '"raise", "hold" or "stop"')
+            raise ParameterError("policy", policy, '"raise", "hold" or "stop"')
         rate = positive_number("rate", rate, "rate in 1/s")
         if rate * controller.dt > 0.5:
-            raise GainError("rate", rate, f"at most 0.5/dt = {0.5 / controller.dt:g} 1/s")
+            raise ParameterError("rate", rate, f"at most 0.5/dt = {0.5 / controller.dt:g} 1/s")
         range = OperatingRange(arm) if range is None else range
         frozen_ticks = _count("frozen_ticks", frozen_ticks)
         travel = positive_number("frozen_travel", frozen_travel, "way in rad or m")
@@ -248,7 +248,7 @@ class FaultGuard:
 
     def _predicted(self, state: FaultGuardState, elapsed: float) -> tuple[Array, Array]:
         """Where the model says that the state went since the tick before."""
-        dynamics, q, v = self.arm.unchecked, state.q, state.v
+        dynamics, q, v = self.arm.raw_dynamics, state.q, state.v
         torque = state.tau + state.observer.r
         steps = max(round(elapsed / self.dt), 1)
         h = elapsed / steps
@@ -306,7 +306,7 @@ class FaultGuard:
         since = 0.0 if state.response == "run" else state.since + elapsed
         is_held = self.policy == "hold" and state.response != "stop" and since < self.longest_hold
         response: Response = "hold" if is_held else "stop"
-        dynamics, q, v = self.arm.unchecked, believed.q, believed.v
+        dynamics, q, v = self.arm.raw_dynamics, believed.q, believed.v
         if is_held:
             rate = self.rate * since / self.longest_hold
             tau = believed.safe - rate * dynamics.mass_matrix(q) @ v
@@ -320,9 +320,9 @@ class FaultGuard:
     def _output(self, believed: FaultGuardState, tau: Array) -> ControllerOutput:
         """What there is to say of a tick without the controller."""
         q_d, v_d, a_d = believed.reference
-        q_r = self.arm.unchecked.integrate(q_d, believed.q_e)
+        q_r = self.arm.raw_dynamics.integrate(q_d, believed.q_e)
         v_r = v_d + believed.v_e
-        e1 = self.arm.unchecked.difference(believed.q, q_r)
+        e1 = self.arm.raw_dynamics.difference(believed.q, q_r)
         zero, none = np.zeros_like(tau), np.zeros(tau.shape, dtype=np.bool_)
         at_limit = np.abs(tau) >= self.limits.effort
         change = np.abs(tau - believed.tau) >= self.limits.rate * self.dt
@@ -335,9 +335,9 @@ class FaultGuard:
             v_e=believed.v_e.copy(),
             saturated=at_limit,
             rate_limited=change & ~at_limit,
-            guaranteed=none,
+            premise_holds=none,
             clipped=none.copy(),
-            held=none.copy(),
+            reference_limited=none.copy(),
         )
 
     def _within(self, state: FaultGuardState, tau: Array) -> Array:
@@ -379,5 +379,5 @@ def _limits(arm: ArmModel, limits: Limits | ArrayLike | None, controller: object
 
 def _count(name: str, value: Any) -> int:
     if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < 1:
-        raise GainError(name, value, "a whole number of ticks, at least 1")
+        raise ParameterError(name, value, "a whole number of ticks, at least 1")
     return int(value)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..._common.arrays import Array, gain, per_joint, real
 from ..._common.frozen import set_fields
-from ...exceptions import GainError, InputError
+from ...exceptions import InputError, ParameterError
 from ...robot.arm_model import ArmModel
 
 FASTEST = 100.0
@@ -72,7 +72,7 @@ class OperatingRange:
         external: Largest plausible tau_ext, shape (nv,) [N·m or N].
 
     Raises:
-        GainError: A bound that is not positive, or ends without room between them.
+        ParameterError: A bound that is not positive, or ends without room between them.
         DimensionError: Bounds for another number of joints.
     """
 
@@ -114,7 +114,7 @@ class OperatingRange:
             ),
         )
         if not (self.lower < self.upper).all():
-            raise GainError("upper", self.upper.tolist(), "above `lower` on every joint")
+            raise ParameterError("upper", self.upper.tolist(), "above `lower` on every joint")
 
 
 def _finite_or(limit: Array, otherwise: float) -> Array:
@@ -131,5 +131,5 @@ def _bound(name: str, value: ArrayLike | None, default: Array) -> Array:
 def _ends(name: str, value: ArrayLike, nv: int) -> Array:
     array = np.array(real(name, value, "one number per joint"))
     if array.ndim > 1 or np.isnan(array).any():
-        raise GainError(name, value, "a scalar or one number per joint; ±inf for no end")
+        raise ParameterError(name, value, "a scalar or one number per joint; ±inf for no end")
     return np.array(per_joint(name, array, nv))

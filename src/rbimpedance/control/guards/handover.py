@@ -59,7 +59,7 @@ def handed_over(controller: Any, state: Any, now: Situation) -> Any:
         return state._replace(inner=inner, **moved)
     if not hasattr(state, "q_e"):
         return controller.init()
-    q_e = controller.arm.unchecked.difference(now.reference.q, now.q)
+    q_e = controller.arm.raw_dynamics.difference(now.reference.q, now.q)
     v_e = now.v - now.reference.v
     known = {
         "q_e": q_e,

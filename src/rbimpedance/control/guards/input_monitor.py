@@ -155,7 +155,7 @@ class Monitor:
         """Faults of a finite measurement, and the state with its motion counted."""
         found = []
         if state.ticks > 0:
-            moved = self.arm.unchecked.difference(state.q, q)
+            moved = self.arm.raw_dynamics.difference(state.q, q)
             is_still = moved == 0.0
             following = following._replace(
                 still=np.where(is_still, state.still + 1.0, 0.0),
@@ -165,7 +165,7 @@ class Monitor:
             found += self._jumps(moved, v - state.v, following.since)
             found += self._frozen(following)
         found += self._outside("v", v, -self.range.velocity, self.range.velocity)
-        position = self.arm.unchecked.difference(self.arm.neutral, q) + self._neutral
+        position = self.arm.raw_dynamics.difference(self.arm.neutral, q) + self._neutral
         found += self._outside("q", position, self.range.lower, self.range.upper)
         return found, following
 
@@ -227,7 +227,7 @@ def _neutral_positions(arm: ArmModel) -> Array:
     """Position of every joint at `neutral`, zero on continuous joints, shape (nv,)."""
     positions = np.zeros(arm.nv)
     for i, unit in enumerate(np.eye(arm.nv)):
-        entries = np.flatnonzero(arm.unchecked.integrate(arm.neutral, 0.5 * unit) != arm.neutral)
+        entries = np.flatnonzero(arm.raw_dynamics.integrate(arm.neutral, 0.5 * unit) != arm.neutral)
         if len(entries) == 1:
             positions[i] = arm.neutral[entries[0]]
     return positions

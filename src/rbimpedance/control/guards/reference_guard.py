@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..._common.arrays import Array, BoolArray, gain, per_joint, positive_number
 from ..._common.frozen import set_fields
-from ...exceptions import GainError, InputError
+from ...exceptions import InputError, ParameterError
 from ...law.impedance import TargetFilter
 from ...robot.arm_model import ArmModel
 from ...trajectories import Reference
@@ -29,14 +29,14 @@ class GuardState(NamedTuple):
         q_g: How far the guard has moved the reference, shape (nv,) [rad or m].
         v_g: Its rate, shape (nv,) [rad/s or m/s].
         a_g: Its acceleration since the tick before, shape (nv,) [rad/s² or m/s²].
-        held: Whether the guard held the joint back in the tick before, shape (nv,), bool.
+        reference_limited: Whether the guard held the joint back in the tick before, shape (nv,), bool.
     """
 
     inner: Any
     q_g: Array
     v_g: Array
     a_g: Array
-    held: BoolArray
+    reference_limited: BoolArray
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -67,8 +67,8 @@ class ReferenceGuard:
         horizon: T [s].
 
     Raises:
-        GainError: A margin that is negative or leaves no room, a speed that is not positive, or a horizon shorter than
-            5 control periods.
+        ParameterError: A margin that is negative or leaves no room, a speed that is not positive, or a horizon shorter
+            than 5 control periods.
         DimensionError: A margin or a speed for another number of joints.
     """
 
@@ -100,11 +100,11 @@ class ReferenceGuard:
         horizon = positive_number("horizon", horizon, "time in seconds")
         if horizon < _FEWEST_PERIODS * controller.dt:
             words = f"at least {_FEWEST_PERIODS:g} control periods of {controller.dt:g} s"
-            raise GainError("horizon", horizon, words)
+            raise ParameterError("horizon", horizon, words)
         room = per_joint("margin", gain("margin", margin, "non-negative", _non_negative), arm.nv)
         lower, upper = arm.joint_limits()
         if not (lower + room < upper - room).all():
-            raise GainError("margin", margin, "less than half of every joint's range")
+            raise ParameterError("margin", margin, "less than half of every joint's range")
         speed = arm.velocity_limit
         if velocity is not None:
             speed = per_joint("velocity", gain("velocity", velocity, "positive", _positive), arm.nv)
@@ -175,13 +175,13 @@ class ReferenceGuard:
         k1, k2 = self._gains()
         wanted = -k1 * q_g - k2 * v_g  # back to where nothing is moved
         a = self._bounded(tick.q_r, tick.v_r, tick.a_r + wanted)
-        held = a != tick.a_r + wanted
-        a_g = np.where(held, a - tick.a_r, wanted)
+        reference_limited = a != tick.a_r + wanted
+        a_g = np.where(reference_limited, a - tick.a_r, wanted)
         desired = self._moved(tick.desired, np.zeros_like(q_g), np.zeros_like(q_g), a_g)
         output, inner = self.controller.step(inner, q, v, desired, tau_ext)
         following = q_g + h * v_g + h**2 / 2.0 * a_g, v_g + h * a_g
-        output = output._replace(held=held)
-        return output, GuardState(inner, *following, a_g, held)
+        output = output._replace(reference_limited=reference_limited)
+        return output, GuardState(inner, *following, a_g, reference_limited)
 
     def elapsed(self, state: GuardState, period: float) -> GuardState:
         """Return the state at a tick that comes a measured time after the one before, instead of dt after it.
@@ -211,7 +211,7 @@ class ReferenceGuard:
 
     def _moved(self, reference: Reference, q_g: Array, v_g: Array, a_g: Array) -> Reference:
         q, v, a = reference
-        return Reference(self.arm.unchecked.integrate(q, q_g), v + v_g, a + a_g)
+        return Reference(self.arm.raw_dynamics.integrate(q, q_g), v + v_g, a + a_g)
 
     def _gains(self) -> tuple[float, float]:
         """k1 and k2 that give (1, h; 0, 1) with (h²/2, h) a double pole at p = e^(-2h/T)."""
@@ -223,7 +223,7 @@ class ReferenceGuard:
         """The acceleration nearest to a that heeds ends and speeds; beyond an end, the speed decides."""
         k1, k2 = self._gains()
         lower, upper = self._ends
-        x = self.arm.unchecked.difference(self.arm.neutral, q_r)
+        x = self.arm.raw_dynamics.difference(self.arm.neutral, q_r)
         highest = np.minimum(k1 * (upper - x) - k2 * v_r, k2 * (self.velocity - v_r))
         lowest = np.maximum(k1 * (lower - x) - k2 * v_r, k2 * (-self.velocity - v_r))
         bounded: Array = np.maximum(np.minimum(a, highest), lowest)
@@ -232,7 +232,7 @@ class ReferenceGuard:
 
 def _end(arm: ArmModel, end: Array, limits: Array) -> Array:
     """Way from `neutral` to an end of every joint, shape (nv,); infinite where there is none."""
-    way = arm.unchecked.difference(arm.neutral, np.where(np.isfinite(end), end, arm.neutral))
+    way = arm.raw_dynamics.difference(arm.neutral, np.where(np.isfinite(end), end, arm.neutral))
     return np.where(np.isfinite(limits), way, limits)
 
 

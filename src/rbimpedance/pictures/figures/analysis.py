@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from ..._common.arrays import Array, per_joint, vector
-from ...exceptions import GainError
+from ...exceptions import ParameterError
 from ...law.certificate import Certificate
 from ...law.surfaces import Surface
 from ...simulation.energy import EnergyBalance
@@ -135,12 +135,14 @@ def robustness_map(
         labels: What rows, columns and figures are, with their units.
 
     Raises:
-        GainError: The figures have another shape.
+        ParameterError: The figures have another shape.
     """
     down, right = vector("rows", rows, None, "m"), vector("columns", columns, None, "n")
     figures: Array = np.asarray(errors, np.float64)
     if figures.shape != (len(down), len(right)):
-        raise GainError("errors", f"shape {figures.shape}", f"shape ({len(down)}, {len(right)})")
+        raise ParameterError(
+            "errors", f"shape {figures.shape}", f"shape ({len(down)}, {len(right)})"
+        )
     with mpl.rc_context(STYLE | {"axes.grid": False}):
         figure = NotebookFigure(figsize=(1.4 + 0.62 * len(right), 1.1 + 0.42 * len(down)))
         axes = figure.subplots()

@@ -39,11 +39,11 @@ def torques(result: SimulationResult) -> Figure:
 
 
 def disturbance(result: SimulationResult, estimate: Array) -> Figure:
-    """Disturbance torque over time, as `observe` estimates it from a result.
+    """Disturbance torque over time, as `estimate_disturbance` estimates it from a result.
 
     Args:
         result: The result that was observed.
-        estimate: What `observe` returned, shape (N, nv) [N·m or N].
+        estimate: What `estimate_disturbance` returned, shape (N, nv) [N·m or N].
     """
     with panels(rows=1) as (figure, axes):
         draw_channels(axes[0], result, estimate, r"disturbance [N$\cdot$m]")

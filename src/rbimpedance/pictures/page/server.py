@@ -10,7 +10,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from queue import Empty, Full, Queue
 from typing import Any
 
-from ...exceptions import GainError
+from ...exceptions import ParameterError
 
 _HEARTBEAT = 5.0  # s, after which a browser that has left is noticed
 _NAMES = {"127.0.0.1", "localhost"}
@@ -25,7 +25,7 @@ class Server:
         port: Port on 127.0.0.1; 0 for any that is free.
 
     Raises:
-        GainError: The port is not free, or is none.
+        ParameterError: The port is not free, or is none.
     """
 
     def __init__(self, page: Callable[[int], str], port: int = 0) -> None:
@@ -36,7 +36,7 @@ class Server:
         try:
             self._http = _Http(("127.0.0.1", port), self._handler())
         except (OSError, OverflowError) as error:
-            raise GainError(
+            raise ParameterError(
                 "port", port, f"free on this machine, or 0 for any ({error})"
             ) from error
         threading.Thread(target=self._http.serve_forever, args=(0.05,), daemon=True).start()

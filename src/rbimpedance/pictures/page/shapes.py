@@ -95,7 +95,7 @@ def _shapes(arm: ArmModel) -> tuple[list[Shape], tuple[str, ...]]:
         shapes = read_shapes(arm.description.xml)
     except ModelError as error:
         return [], (f"{error}: capsules stand in",)
-    return [shape for shape in shapes if shape.link in arm.unchecked.frame_ids], ()
+    return [shape for shape in shapes if shape.link in arm.raw_dynamics.frame_ids], ()
 
 
 class _MeshFiles:
@@ -147,7 +147,7 @@ class _MeshFiles:
 
 def _add_shapes(look: Look, arm: ArmModel, shown: list[Shape], files: _MeshFiles) -> None:
     for shape in shown:
-        frame = arm.unchecked.model.frames[arm.unchecked.frame_ids[shape.link]]
+        frame = arm.raw_dynamics.model.frames[arm.raw_dynamics.frame_ids[shape.link]]
         placement = frame.placement * pin.SE3(shape.placement)
         drawn = files.mesh(shape) if shape.kind == "mesh" else _primitive(shape)
         look.add(frame.parentJoint, placement, drawn, shape.color)
@@ -163,11 +163,11 @@ def _primitive(shape: Shape) -> coal.ShapeBase:
 
 def _add_capsules(look: Look, arm: ArmModel, invisible: set[str]) -> None:
     """Draw capsules for the links that have shapes of which none can be shown, and for the bodies that have none."""
-    model = arm.unchecked.model
+    model = arm.raw_dynamics.model
     dressed = {item.parentJoint for item in look.geometry.geometryObjects}
     radius = SLENDERNESS * _reach(model)
     for link in invisible:
-        i = arm.unchecked.frame_ids[link]
+        i = arm.raw_dynamics.frame_ids[link]
         if model.frames[i].parentJoint in dressed:
             start = np.array(model.frames[i].placement.translation)
             for end in _link_ends(model, i):

@@ -88,7 +88,7 @@ class CompiledDynamics:
         return M
 
     def _check(self, arm: ArmModel, states: int) -> None:
-        rng, judge = np.random.default_rng(1), arm.unchecked
+        rng, judge = np.random.default_rng(1), arm.raw_dynamics
         for _ in range(states):
             q = arm.random_configuration(rng)
             v, a, tau = rng.normal(size=(3, arm.nv))

@@ -109,7 +109,7 @@ def coordinate_tables(arm: ArmModel) -> ArmTables:
     Args:
         arm: Any arm; joints that follow others have no coordinate.
     """
-    model, joints = arm.unchecked.model, np.zeros((arm.nv, COLUMNS))
+    model, joints = arm.raw_dynamics.model, np.zeros((arm.nv, COLUMNS))
     joints[:, VISCOUS], joints[:, COULOMB] = arm.viscous, arm.coulomb
     topology = np.full((arm.nv, 3), -1, dtype=np.int64)
     owners = [j for j, nv in enumerate(model.nvs) if nv]

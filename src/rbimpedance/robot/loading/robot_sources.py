@@ -1,7 +1,7 @@
 """Where robot descriptions come from: files, xacro, bundled robots, example-robot-data and robot_descriptions.
 
 A name means the first of: a bundled robot, a robot of example-robot-data, a module of robot_descriptions. Everything
-here ends in the text of a URDF, unchecked; `urdf_document` reads it.
+here ends in the text of a URDF, raw_dynamics; `urdf_document` reads it.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class RobotText:
     """The text of a URDF and where it came from.
 
     Attributes:
-        text: The XML text, unchecked.
+        text: The XML text, raw_dynamics.
         origin: Where it came from, for errors.
         name: Name of the robot where the source gives one; else the document's own is used.
         folder: Folder that relative mesh files refer to; None for text.

@@ -31,7 +31,7 @@ class Drive(NamedTuple):
     contacts: Array
 
 
-class Surroundings:
+class EnvironmentTables:
     """An interaction in the compiled form, as far as it does not depend on time.
 
     Args:
@@ -106,7 +106,7 @@ def _kind(part: FrameWrench | Push | Wall) -> int:
 def _pose(plant: ArmModel, frame: str | None) -> tuple[int, Array]:
     """The joint that carries a frame, -1 for the base, and the frame's pose in the joint's turned axes."""
     plant.frame_placement(plant.neutral, frame)  # refuses one that is not there
-    dynamics, bodies = plant.unchecked, plant.rigid_bodies()
+    dynamics, bodies = plant.raw_dynamics, plant.rigid_bodies()
     place = dynamics.model.frames[dynamics.frame_ids[frame or plant.tool_frame]]
     joint = int(place.parentJoint) - 1
     axes = axes_with_z_along(bodies.axis[joint]) if joint >= 0 else np.eye(3)

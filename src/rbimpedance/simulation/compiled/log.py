@@ -25,7 +25,7 @@ from ...robot.compiled.tables import CONTINUOUS, KIND, Q_INDEX, ArmTables
 from .plant import Motion
 
 
-class Journal(NamedTuple):
+class RunLog(NamedTuple):
     """Channels of `SimulationResult`; one that is not wanted has no rows.
 
     Attributes:
@@ -41,7 +41,7 @@ class Journal(NamedTuple):
         saturated: 1 where the joint is at its torque limit.
         rate_limited: 1 where its torque may not change faster.
         clipped: 1 where its surface sees less than the whole error.
-        held: 0: what holds references back has no compiled form.
+        reference_limited: 0: what holds references back has no compiled form.
         every: Ticks from one sample to the next, shape (1,).
     """
 
@@ -57,7 +57,7 @@ class Journal(NamedTuple):
     saturated: NDArray[np.uint8]
     rate_limited: NDArray[np.uint8]
     clipped: NDArray[np.uint8]
-    held: NDArray[np.uint8]
+    reference_limited: NDArray[np.uint8]
     every: NDArray[np.int64]
 
 
@@ -106,7 +106,7 @@ def impedance_error(target: Array, block: Array, e3: Array, e_im: Array) -> None
 
 @fused
 def write(
-    journal: Journal, arm: ArmTables, i: int, motion: Motion, block: Array, e_im: Array
+    journal: RunLog, arm: ArmTables, i: int, motion: Motion, block: Array, e_im: Array
 ) -> None:
     """Write one sample.
 
@@ -135,7 +135,7 @@ def write(
     _put_flag(journal.saturated, i, block, SATURATED)
     _put_flag(journal.rate_limited, i, block, RATE_LIMITED)
     _put_flag(journal.clipped, i, block, CLIPPED)
-    _put_flag(journal.held, i, block, 0)
+    _put_flag(journal.reference_limited, i, block, 0)
 
 
 @inline

@@ -13,8 +13,8 @@ from ..._numba.table_arguments import Held, opened
 from ...robot.compiled.dynamics import VECTOR_IN
 from ...robot.compiled.rigid_body import friction
 from .environment import Environment
-from .log import Figures, Journal
-from .plant import Motion, Plant, euler_step, pushed
+from .log import Figures, RunLog
+from .plant import Motion, Plant, euler_step, update_tau_ext
 from .rollout import (
     END,
     FIRST,
@@ -22,8 +22,8 @@ from .rollout import (
     SUBSTEPS,
     Clock,
     Controlled,
-    Desk,
-    Wish,
+    ReferenceSamples,
+    TickWorkspace,
     own_type,
     record,
     runaway,
@@ -54,11 +54,11 @@ class Between(NamedTuple):
     controlled: Controlled
     plant: Plant
     environment: Environment
-    wish: Wish
+    wish: ReferenceSamples
     motion: Motion
-    desk: Desk
+    desk: TickWorkspace
     clock: Clock
-    journal: Journal
+    journal: RunLog
     figures: Figures
     block: Array
     torque: Array
@@ -134,7 +134,7 @@ def _move(held: Any, a: Array, k: int, i: int) -> int:
 def _look(loop: Between, k: int, i: int) -> None:
     """Write what pushes at a physics step, and the reference if it is the first of a tick."""
     row = k * loop.clock.ticks[SUBSTEPS] + i
-    pushed(loop.plant, loop.desk.plant, loop.environment, row, loop.motion.q, loop.motion)
+    update_tau_ext(loop.plant, loop.desk.plant, loop.environment, row, loop.motion.q, loop.motion)
     if i == 0:
         take_reference(loop.wish, k, loop.desk)
 

@@ -64,10 +64,10 @@ class Stages(NamedTuple):
 
 
 @fused
-def pushed(
+def update_tau_ext(
     plant: Plant, space: Workspace, environment: Environment, row: int, q: Array, motion: Motion
 ) -> None:
-    """Write tau_ext at (q, v); joints are placed for `accelerated`, which comes next.
+    """Write tau_ext at (q, v); joints are placed for `update_acceleration`, which comes next.
 
     Args:
         plant: The simulated arm.
@@ -82,12 +82,12 @@ def pushed(
 
 
 @fused
-def accelerated(plant: Plant, space: Workspace, motion: Motion) -> None:
+def update_acceleration(plant: Plant, space: Workspace, motion: Motion) -> None:
     """Write the acceleration under motors, environment and friction, by ABA; see `PinocchioDynamics`.
 
     Args:
         plant: The simulated arm.
-        space: Its work space after `pushed`.
+        space: Its work space after `update_tau_ext`.
         motion: With velocity and torques; the acceleration goes here.
     """
     v, a = motion.v, motion.a
@@ -208,8 +208,8 @@ def _stage(
     integrate(plant.arm, start.q, h, trial.v, trial.q)
     for j in range(len(start.v)):
         trial.v[j] = start.v[j] + h * trial.a[j]
-    pushed(plant, space, environment, row, trial.q, trial)
-    accelerated(plant, space, trial)
+    update_tau_ext(plant, space, environment, row, trial.q, trial)
+    update_acceleration(plant, space, trial)
 
 
 @fused

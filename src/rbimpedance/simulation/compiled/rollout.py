@@ -20,17 +20,17 @@ from ...control.compiled.tick import EXCEEDED, after_torque, before_torque, is_s
 from ...robot.compiled import rigid_body
 from ...robot.compiled.tables import ArmTables, Workspace
 from .environment import Environment
-from .log import Figures, Journal, impedance_error, note, write
+from .log import Figures, RunLog, impedance_error, note, write
 from .plant import (
     Motion,
     Plant,
     Stages,
-    accelerated,
     damp,
     euler_step,
-    pushed,
     runge_kutta_step,
     undamp,
+    update_acceleration,
+    update_tau_ext,
 )
 
 FINISHED, UNSOUND, DIVERGED = 0, 1, 2
@@ -74,7 +74,7 @@ class Memory(NamedTuple):
     odd: Array
 
 
-class Desk(NamedTuple):
+class TickWorkspace(NamedTuple):
     """Work space: nothing in it outlives a tick.
 
     Attributes:
@@ -98,7 +98,7 @@ class Desk(NamedTuple):
     e_im: Array
 
 
-class Wish(NamedTuple):
+class ReferenceSamples(NamedTuple):
     """The trajectory, sampled: one row for each tick of the block, or one for all.
 
     Attributes:
@@ -130,11 +130,11 @@ def _rollout(
     controlled: Controlled,
     plant: Plant,
     environment: Environment,
-    wish: Wish,
+    wish: ReferenceSamples,
     memory: Memory,
-    desk: Desk,
+    desk: TickWorkspace,
     clock: Clock,
-    journal: Journal,
+    journal: RunLog,
     figures: Figures,
 ) -> int:
     """Do the ticks from `FIRST` to before `END`, each with the period after it, which the last one does not have."""
@@ -147,11 +147,11 @@ def _rollout(
         state = memory.even if is_even else memory.odd
         block = memory.odd if is_even else memory.even
         take_reference(wish, k - ticks[FIRST], desk)
-        pushed(plant, desk.plant, environment, row, motion.q, motion)
+        update_tau_ext(plant, desk.plant, environment, row, motion.q, motion)
         if not _tick(controlled, desk, motion, state, block):
             clock.outcome[TICK] = k
             return UNSOUND
-        accelerated(plant, desk.plant, motion)
+        update_acceleration(plant, desk.plant, motion)
         record(controlled, desk, motion, k, block, journal, figures)
         if k == ticks[LAST]:
             break
@@ -165,7 +165,7 @@ def _rollout(
 
 
 @fused
-def take_reference(wish: Wish, i: int, desk: Desk) -> None:
+def take_reference(wish: ReferenceSamples, i: int, desk: TickWorkspace) -> None:
     """Write the reference of the i-th tick of a block to the desk."""
     i = min(i, len(wish.q) - 1)
     for j in range(len(desk.q_d)):
@@ -175,7 +175,9 @@ def take_reference(wish: Wish, i: int, desk: Desk) -> None:
 
 
 @fused
-def _tick(controlled: Controlled, desk: Desk, motion: Motion, state: Array, block: Array) -> bool:
+def _tick(
+    controlled: Controlled, desk: TickWorkspace, motion: Motion, state: Array, block: Array
+) -> bool:
     """One tick of the controller, told the truth; whether its inputs were sound."""
     arm, law, work = controlled.arm, controlled.law, desk.scratch
     given = Measured(motion.q, motion.v, desk.q_d, desk.v_d, desk.a_d, motion.tau_ext)
@@ -194,11 +196,11 @@ def _tick(controlled: Controlled, desk: Desk, motion: Motion, state: Array, bloc
 @fused
 def record(
     controlled: Controlled,
-    desk: Desk,
+    desk: TickWorkspace,
     motion: Motion,
     k: int,
     block: Array,
-    journal: Journal,
+    journal: RunLog,
     figures: Figures,
 ) -> None:
     """Write a tick to the journal and the figures of merit."""
@@ -216,7 +218,7 @@ def record(
 def _physics_step(
     plant: Plant,
     environment: Environment,
-    desk: Desk,
+    desk: TickWorkspace,
     clock: Clock,
     row: int,
     is_first: bool,
@@ -225,13 +227,13 @@ def _physics_step(
     """One step of the plant; the acceleration at the first one of a period is known from the tick."""
     h, integrator = clock.step[0], clock.ticks[INTEGRATOR]
     if not is_first:
-        pushed(plant, desk.plant, environment, row, motion.q, motion)
+        update_tau_ext(plant, desk.plant, environment, row, motion.q, motion)
     if integrator == STIFF:
         damp(plant, motion.v, h)
-        accelerated(plant, desk.plant, motion)
+        update_acceleration(plant, desk.plant, motion)
         undamp(plant)
     elif not is_first:
-        accelerated(plant, desk.plant, motion)
+        update_acceleration(plant, desk.plant, motion)
     if integrator == RUNGE_KUTTA:
         runge_kutta_step(plant, desk.plant, environment, desk.stages, row, motion, h)
     else:

@@ -17,8 +17,8 @@ from ...law.impedance import ImpedanceFilter
 from ...robot.arm_model import ArmModel
 from ...robot.compiled.tables import ArmTables, workspace
 from ...trajectories import Reference
-from .environment_tables import Drive, Surroundings, can_sample
-from .log import Figures, Journal, no_figures
+from .environment_tables import Drive, EnvironmentTables, can_sample
+from .log import Figures, RunLog, no_figures
 from .pinocchio_loop import Between
 from .plant import Motion, Plant, Stages
 from .rollout import (
@@ -30,9 +30,9 @@ from .rollout import (
     UNSOUND,
     Clock,
     Controlled,
-    Desk,
     Memory,
-    Wish,
+    ReferenceSamples,
+    TickWorkspace,
     rollout,
 )
 
@@ -111,7 +111,7 @@ class World:
         self.controlled = controlled
         own = tables._replace(joints=tables.joints.copy())
         self.plant = Plant(own, np.array(plant.armature))
-        self.surroundings = Surroundings(interaction, plant)
+        self.surroundings = EnvironmentTables(interaction, plant)
         motion = Motion(q, v, *np.zeros((3, nv)))
         self.memory = Memory(motion, np.zeros((nv, COLUMNS)), np.zeros((nv, COLUMNS)))
         self.settings, self.dt = settings, float(controlled.law.gains[0, DT])
@@ -138,12 +138,12 @@ class World:
         )
 
     def between(
-        self, block: range, reference: Reference, drive: Drive, desk: Desk, journal: Journal
+        self, block: range, reference: Reference, drive: Drive, desk: TickWorkspace, journal: RunLog
     ) -> Between:
         """Return what the kernels between Pinocchio's algorithms need for a block; see `run`."""
         environment, motion = self.surroundings.driven(drive), self.memory.motion
         return Between(
-            self.controlled, self.plant, environment, Wish(*reference), motion, desk,
+            self.controlled, self.plant, environment, ReferenceSamples(*reference), motion, desk,
             self.clock(block), journal, no_figures(), self.memory.even, np.zeros(len(motion.v)),
         )  # fmt: skip
 
@@ -152,8 +152,8 @@ class World:
         block: range,
         reference: Reference,
         drive: Drive,
-        desk: Desk,
-        journal: Journal,
+        desk: TickWorkspace,
+        journal: RunLog,
         figures: Figures | None = None,
     ) -> Outcome:
         """Do a block of ticks, without the interpreter's lock.
@@ -168,7 +168,7 @@ class World:
         """
         clock = self.clock(block)
         arguments = (
-            self.controlled, self.plant, self.surroundings.driven(drive), Wish(*reference),
+            self.controlled, self.plant, self.surroundings.driven(drive), ReferenceSamples(*reference),
             self.memory, desk, clock, journal, no_figures() if figures is None else figures,
         )  # fmt: skip
         status = rollout(arguments)(*arguments)
@@ -186,7 +186,7 @@ def controlled(controller: Any, tables: ArmTables) -> Controlled:
     arm, own = controller.arm, controller._filter
     law = pack_law(
         arm.nv, controller.dt, own, controller.surface, controller.reaching, controller.limits,
-        controller.knowledge,
+        controller.model,
     )  # fmt: skip
     return Controlled(tables, law, _target(own, arm.nv))
 
@@ -201,23 +201,25 @@ def _target(impedance_filter: ImpedanceFilter, nv: int) -> Array:
     return np.hstack(matrices)
 
 
-def desk(nq: int, nv: int) -> Desk:
+def desk(nq: int, nv: int) -> TickWorkspace:
     """Return work space for arms of this size."""
     stages = Stages(np.zeros(nq), *np.zeros((3, nv)))
-    return Desk(scratch(nv), workspace(nv), workspace(nv), stages, np.zeros(nq), *np.zeros((3, nv)))
+    return TickWorkspace(
+        scratch(nv), workspace(nv), workspace(nv), stages, np.zeros(nq), *np.zeros((3, nv))
+    )
 
 
-def journal(channels: Mapping[str, Array], every: int = 1) -> Journal:
+def journal(channels: Mapping[str, Array], every: int = 1) -> RunLog:
     """Return a journal that writes to the given arrays.
 
     Args:
         channels: Arrays (samples, nq or nv) by name of the channel; what is missing is not written.
         every: Ticks from one sample to the next.
     """
-    arrays: dict[str, Any] = {name: np.zeros((0, 1)) for name in Journal._fields}
+    arrays: dict[str, Any] = {name: np.zeros((0, 1)) for name in RunLog._fields}
     arrays |= {name: np.zeros((0, 1), dtype=np.bool_) for name in FLAGS} | dict(channels)
     arrays |= {name: arrays[name].view(np.uint8) for name in FLAGS} | {"every": np.array([every])}
-    return Journal(**arrays)
+    return RunLog(**arrays)
 
 
 def reason_against_parts(controller: Any, interaction: Interaction) -> str | None:

@@ -72,4 +72,4 @@ def free_motion_apart(plant: MujocoPlant, q: Array, v: Array, steps: int, h: flo
     for k in range(steps):
         ours = rigid.step(ours, rest, nothing, k * h, h)
         theirs = plant.step(theirs, rest, nothing, k * h, h)
-    return float(np.abs(arm.unchecked.difference(ours.q, plant.motion(theirs).q)).max())
+    return float(np.abs(arm.raw_dynamics.difference(ours.q, plant.motion(theirs).q)).max())

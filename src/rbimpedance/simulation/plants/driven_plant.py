@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..._common.arrays import Array, BoolArray, not_negative
 from ..._common.frozen import set_fields
-from ...exceptions import GainError
+from ...exceptions import ParameterError
 from ...interaction import Interaction
 from ...robot.arm_model import ArmModel
 from .elasticity import check_step, refuse_at, stiffness_of_joints, usual_damping, whole
@@ -78,7 +78,8 @@ class DrivenPlant:
         encoders: "motor" or "link".
 
     Raises:
-        GainError: A parameter outside of these sets; an elastic joint without a rotor, or with armature on a plant.
+        ParameterError: A parameter outside of these sets; an elastic joint without a rotor, or with armature on a
+            plant.
         DimensionError: One that is given for another number of joints.
     """
 
@@ -106,10 +107,10 @@ class DrivenPlant:
         encoders: EncoderSide = "motor",
     ) -> None:
         if not isinstance(links, ArmModel | Plant):
-            raise GainError("links", links, "an ArmModel or a Plant")
+            raise ParameterError("links", links, "an ArmModel or a Plant")
         arm = links if isinstance(links, ArmModel) else links.arm
         if encoders not in ("motor", "link"):
-            raise GainError("encoders", encoders, '"motor" or "link"')
+            raise ParameterError("encoders", encoders, '"motor" or "link"')
         inertia = arm.armature if rotor_inertia is None else rotor_inertia
         set_fields(
             self,
@@ -144,10 +145,11 @@ class DrivenPlant:
         """Return the state at the start of a run: rotors and links as fast, springs and motors carrying the links.
 
         Raises:
-            GainError: h is too long for the stiffest spring; names the joint, and how many times the substeps it needs.
+            ParameterError: h is too long for the stiffest spring; names the joint, and how many times the substeps it
+                needs.
         """
         check_step(self.arm, self.stiffness, self.damping, self.rotor_inertia, q, h)
-        torque = self.arm.unchecked.bias(q, np.zeros(self.arm.nv))
+        torque = self.arm.raw_dynamics.bias(q, np.zeros(self.arm.nv))
         links = self.links.begin(q, v, h)
         return DrivenState(links, torque, torque / self.stiffness, np.array(v))
 
@@ -160,7 +162,7 @@ class DrivenPlant:
         if self.encoders == "link" or not self.elastic.any():
             return self.links.measured(state.links)
         q, _ = self.links.motion(state.links)
-        return Motion(self.arm.unchecked.integrate(q, state.delta), state.rotor_velocity)
+        return Motion(self.arm.raw_dynamics.integrate(q, state.delta), state.rotor_velocity)
 
     def external_torque(self, state: DrivenState, environment: Interaction, t: float) -> Array:
         """Return what the world does to the links; see `Plant.external_torque`."""
@@ -186,7 +188,7 @@ class DrivenPlant:
             elastic, B = self.elastic, self.rotor_inertia
             rate = np.divide(motor - transmitted, B, out=np.zeros_like(motor), where=elastic)
             rotor_velocity = np.where(elastic, state.rotor_velocity + h * rate, v_next)
-            moved = self.arm.unchecked.difference(q, q_next)
+            moved = self.arm.raw_dynamics.difference(q, q_next)
             delta = np.where(elastic, state.delta + h * rotor_velocity - moved, 0.0)
         return DrivenState(links, torque, delta, rotor_velocity)
 
@@ -204,7 +206,7 @@ class DrivenPlant:
         if not (self.ripple.any() or self.cogging.any()):
             return torque
         q, _ = self.links.motion(state.links)
-        angle = self.arm.unchecked.difference(self.arm.neutral, q) + state.delta
+        angle = self.arm.raw_dynamics.difference(self.arm.neutral, q) + state.delta
         wave = np.sin(self.ripple_periods * angle)
         rippled: Array = torque + (torque * self.ripple + self.cogging) * wave
         return rippled

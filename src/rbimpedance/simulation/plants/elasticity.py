@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..._common.arrays import Array, BoolArray, gain, per_joint, real
-from ...exceptions import DimensionError, GainError
+from ...exceptions import DimensionError, ParameterError
 from ...robot.arm_model import ArmModel
 
 DAMPING_RATIO = 0.05
@@ -22,16 +22,16 @@ def stiffness_of_joints(value: ArrayLike, nv: int) -> Array:
     """Return positive stiffness, shape (nv,) [N·m/rad or N/m]; +inf where the joint is rigid.
 
     Raises:
-        GainError: Anything else.
+        ParameterError: Anything else.
         DimensionError: It is given for another number of joints.
     """
     words = "positive (+inf where the joint is rigid), a scalar or one number per joint"
     try:
         array = np.array(real("stiffness", value, words))
     except DimensionError as error:
-        raise GainError("stiffness", value, words) from error
+        raise ParameterError("stiffness", value, words) from error
     if array.ndim > 1 or not (array > 0.0).all():
-        raise GainError("stiffness", value, words)
+        raise ParameterError("stiffness", value, words)
     array.setflags(write=False)
     return per_joint("stiffness", array, nv)
 
@@ -40,7 +40,7 @@ def whole(name: str, value: ArrayLike, nv: int) -> Array:
     """Return whole numbers from 1 on, shape (nv,).
 
     Raises:
-        GainError: Anything else.
+        ParameterError: Anything else.
         DimensionError: They are given for another number of joints.
     """
     numbers = gain(name, value, "whole, 1 or more,", lambda x: (x >= 1.0) & (x == np.rint(x)))
@@ -51,12 +51,12 @@ def refuse_at(arm: ArmModel, wrong: BoolArray, name: str, value: Array, words: s
     """Refuse a parameter at the first joint where it is wrong.
 
     Raises:
-        GainError: There is such a joint; names it.
+        ParameterError: There is such a joint; names it.
     """
     if wrong.any():
         joint = int(np.argmax(wrong))
         where = f"{words} at joint '{arm.joint_names[joint]}', which is elastic"
-        raise GainError(name, float(value[joint]), where)
+        raise ParameterError(name, float(value[joint]), where)
 
 
 def usual_damping(arm: ArmModel, K: Array, B: Array) -> Array:
@@ -89,7 +89,7 @@ def check_step(arm: ArmModel, K: Array, D: Array, B: Array, q: Array, h: float) 
         h: Length of a step [s].
 
     Raises:
-        GainError: That eigenvalue is above `STEP_LIMIT`; names the joint that moves most in its mode.
+        ParameterError: That eigenvalue is above `STEP_LIMIT`; names the joint that moves most in its mode.
     """
     elastic = np.isfinite(K)
     if not elastic.any():
@@ -109,7 +109,7 @@ def check_step(arm: ArmModel, K: Array, D: Array, B: Array, q: Array, h: float) 
         range(1, most), True, key=lambda n: bool(modes(h / n)[0][-1] <= STEP_LIMIT)
     )
     joint = np.flatnonzero(elastic)[int(np.argmax(np.abs(vectors[:, -1])))]
-    raise GainError(
+    raise ParameterError(
         "h",
         h,
         f"at most {h / needed:.3g} s, which is {needed} times the substeps, for the spring of joint "
@@ -121,16 +121,16 @@ def _mobility(arm: ArmModel, elastic: BoolArray, B: Array, q: Array) -> Array:
     """M⁻¹ + B⁻¹ of the elastic joints, shape (n, n).
 
     Raises:
-        GainError: A link without inertia.
+        ParameterError: A link without inertia.
     """
-    M = arm.unchecked.mass_matrix(q)
+    M = arm.raw_dynamics.mass_matrix(q)
     try:
         inverse = np.linalg.inv(M)
     except np.linalg.LinAlgError:
         inverse = np.full_like(M, np.nan)
     if not (np.diag(inverse) > 0.0).all():
         joint = arm.joint_names[int(np.argmin(np.diag(M)))]
-        raise GainError(
+        raise ParameterError(
             "stiffness", "finite", f"infinite at joint '{joint}': its link has no inertia"
         )
     return np.asarray(inverse[np.ix_(elastic, elastic)] + np.diag(1.0 / B[elastic]))

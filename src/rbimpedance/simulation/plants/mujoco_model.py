@@ -117,7 +117,7 @@ def _urdf(arm: ArmModel) -> str:
         ModelError: There is none.
         UnsupportedJointError: A joint of the arm follows another one.
     """
-    model = arm.unchecked.model
+    model = arm.raw_dynamics.model
     if following := [model.names[j] for j in model.mimicking_joints]:
         raise UnsupportedJointError(
             following,
@@ -168,8 +168,8 @@ def _joint(spec: Any, name: str) -> Any:
 
 def _tool(arm: ArmModel) -> tuple[str | None, Array]:
     """Joint that carries the tool frame (None: the base), and the frame's origin in its axes."""
-    model = arm.unchecked.model
-    frame = model.frames[arm.unchecked.frame_ids[arm.tool_frame]]
+    model = arm.raw_dynamics.model
+    frame = model.frames[arm.raw_dynamics.frame_ids[arm.tool_frame]]
     joint = None if frame.parentJoint == 0 else str(model.names[frame.parentJoint])
     return joint, np.array(frame.placement.translation)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..._common.arrays import Array, positive_number
 from ..._common.frozen import set_fields
-from ...exceptions import GainError, ModelError
+from ...exceptions import ModelError, ParameterError
 from ...interaction import Interaction
 from ...robot.arm_model import ArmModel
 from .mujoco_model import MujocoModel, mujoco_library, mujoco_model
@@ -64,7 +64,7 @@ class MujocoPlant:
         MissingExtraError: MuJoCo is not installed.
         UnsupportedJointError: A joint of the arm follows another one.
         ModelError: The arm has no URDF, MuJoCo does not read it or the scene, or it reads another arm; names the joint.
-        GainError: A scene without a radius, a radius without a scene, or one that is not positive.
+        ParameterError: A scene without a radius, a radius without a scene, or one that is not positive.
     """
 
     arm: ArmModel
@@ -112,11 +112,11 @@ class MujocoPlant:
         """Return the state at the start of a run; see `Plant.begin`."""
         del h
         rest = np.zeros(self.arm.nv)
-        return MujocoState(self.arm.unchecked.difference(self._zero, q), np.array(v), rest, rest)
+        return MujocoState(self.arm.raw_dynamics.difference(self._zero, q), np.array(v), rest, rest)
 
     def motion(self, state: MujocoState) -> Motion:
         """Return how the links move; see `Plant.motion`."""
-        return Motion(self.arm.unchecked.integrate(self._zero, state.position), state.velocity)
+        return Motion(self.arm.raw_dynamics.integrate(self._zero, state.position), state.velocity)
 
     def measured(self, state: MujocoState) -> Motion:
         """Return how the links move: the encoders are on them."""
@@ -273,6 +273,6 @@ def _compare(plant: MujocoPlant) -> None:
 
 def _check_scene(scene: str | None, tool_radius: float | None) -> None:
     if (scene is None) != (tool_radius is None):
-        raise GainError("tool_radius", tool_radius, "given with scene=, and only then")
+        raise ParameterError("tool_radius", tool_radius, "given with scene=, and only then")
     if tool_radius is not None:
         positive_number("tool_radius", tool_radius, "radius in metres")

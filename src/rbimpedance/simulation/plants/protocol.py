@@ -44,7 +44,7 @@ class Plant(Protocol[PlantStateT]):
             h: Length of the steps to come [s].
 
         Raises:
-            GainError: The plant cannot be integrated with steps that long.
+            ParameterError: The plant cannot be integrated with steps that long.
         """
 
     def motion(self, state: PlantStateT) -> Motion:

@@ -50,13 +50,13 @@ class RigidPlant:
 
     def acceleration(self, state: Motion, tau: Array, tau_ext: Array) -> Array:
         """Return ABA's acceleration; see `Plant.acceleration`."""
-        return self.arm.unchecked.forward_dynamics(state.q, state.v, tau + tau_ext)
+        return self.arm.raw_dynamics.forward_dynamics(state.q, state.v, tau + tau_ext)
 
     def step(
         self, state: Motion, tau: Array, environment: Interaction, t: float, h: float
     ) -> Motion:
         """Return the state after one step of the integrator; see `Plant.step`."""
-        dynamics = self.arm.unchecked
+        dynamics = self.arm.raw_dynamics
 
         def acceleration(t: float, q: Array, v: Array) -> Array:
             if not np.isfinite(q).all():  # a stage of a diverging step, which the run ends

@@ -14,7 +14,7 @@ from ...law.impedance import Impedance
 from ...robot.arm_model import ArmModel
 from ...robot.load import load_robot
 from ...trajectories import cosine
-from ...tuning import GainProposal, Spread, Uncertainty, propose_gains
+from ...tuning import GainProposal, MotionMargin, Uncertainty, propose_gains
 from ..definition import Task
 
 DT = 1e-3
@@ -73,7 +73,7 @@ class Arm:
             motion,
             DT,
             q0=motion(0.0).q,
-            spread=Spread(acceleration=4.0),
+            spread=MotionMargin(acceleration=4.0),
             accuracy=ACCURACY,
         )
 

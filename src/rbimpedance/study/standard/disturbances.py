@@ -108,14 +108,14 @@ def wall(task: Task, rng: np.random.Generator) -> Experiment:
 def noise(task: Task, rng: np.random.Generator) -> Experiment:
     """Noisy positions and velocities."""
     draws, seed = Draws(task, rng), int(rng.integers(2**31))
-    around = partial(ImperfectController, position_noise=1e-4, velocity_noise=1e-3, seed=seed)
-    return draws.experiment(draws.loaded(task.arm), around=around)
+    wrap = partial(ImperfectController, position_noise=1e-4, velocity_noise=1e-3, seed=seed)
+    return draws.experiment(draws.loaded(task.arm), wrap=wrap)
 
 
 def delay(task: Task, rng: np.random.Generator) -> Experiment:
     """Measurements that are late by as much as the gains are made for."""
-    draws, around = Draws(task, rng), partial(ImperfectController, delay=DELAY)
-    return draws.experiment(draws.loaded(task.arm), around=around)
+    draws, wrap = Draws(task, rng), partial(ImperfectController, delay=DELAY)
+    return draws.experiment(draws.loaded(task.arm), wrap=wrap)
 
 
 def no_force_sensor(task: Task, rng: np.random.Generator) -> Experiment:
@@ -131,7 +131,7 @@ def drives(task: Task, rng: np.random.Generator) -> Experiment:
     draws = Draws(task, rng)
     lag = draws.uniform("torque_lag", 0.5e-3, 1e-3)
     driven = DrivenPlant(draws.loaded(task.arm), time_constant=lag, ripple=0.01)
-    return draws.experiment(driven, around=counting)
+    return draws.experiment(driven, wrap=counting)
 
 
 def elastic_joints(task: Task, rng: np.random.Generator) -> Experiment:

@@ -13,7 +13,7 @@ KNOWN_ARMATURE = 0.1
 """Reflected inertia that geared arms of this size have [kg·m²]; URDFs leave it out."""
 
 
-def ways_out(task: Task, found: Design) -> tuple[str, ...]:
+def remedies(task: Task, found: Design) -> tuple[str, ...]:
     """Return what would help, with what it would change, the best way first.
 
     Args:

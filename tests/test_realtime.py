@@ -24,7 +24,7 @@ CONTROLLERS: dict[str, dict[str, Any]] = {
     "linear": {},
     "limited": {"limits": rbi.Limits(effort=5.0, rate=2e3)},
     "finite-time": {"impedance": FINITE_TIME},
-    "mass only": {"knowledge": "mass"},
+    "mass only": {"model": "inertia"},
     "not compiled": {"surface": OwnSurface(3.0, 1.5)},
 }
 
@@ -40,7 +40,7 @@ def test_torques_and_states_are_those_of_step(
     backend: Backend, name: str, rng: np.random.Generator
 ) -> None:
     c = controller(arms.spinner(), backend, **CONTROLLERS[name])
-    lean, state = c.lean(), c.init()
+    lean, state = c.realtime(), c.init()
     for k in range(10):
         given, period = draw(c.arm, rng), (1.2e-3 if k == 5 else None)
         output, state = c.step(state, *given, period=period)
@@ -51,7 +51,7 @@ def test_torques_and_states_are_those_of_step(
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_torque_is_always_the_same_array(backend: Backend, rng: np.random.Generator) -> None:
     c = controller(arms.spinner(), backend)
-    lean = c.lean()
+    lean = c.realtime()
     tau = lean.tau
     q, v, reference, tau_ext = draw(c.arm, rng)
     assert lean.torque(q, v, reference, tau_ext) is tau
@@ -68,7 +68,7 @@ def test_a_lean_controller_starts_from_any_state_and_again(
     _, state = c.step(c.init(), *other)
     output, _ = c.step(state, *given)
     first, _ = c.step(c.init(), *given)
-    lean = c.lean(state)
+    lean = c.realtime(state)
     assert_array_equal(lean.torque(*given), output.tau)
     lean.reset()
     assert_array_equal(lean.torque(*given), first.tau)
@@ -82,7 +82,7 @@ def test_a_bad_input_is_an_error_and_changes_nothing(
     backend: Backend, index: int, rng: np.random.Generator
 ) -> None:
     c = controller(arms.spinner(), backend, limits=5.0)
-    lean, given = c.lean(), draw(c.arm, rng)
+    lean, given = c.realtime(), draw(c.arm, rng)
     lean.torque(*given)
     tau, state = lean.tau.copy(), lean.state
     nan = np.full(c.arm.nv, np.nan)
@@ -101,7 +101,7 @@ def test_a_state_that_was_asked_for_stays_as_it_was(
     backend: Backend, rng: np.random.Generator
 ) -> None:
     c = controller(arms.spinner(), backend)
-    lean, given = c.lean(), draw(c.arm, rng)
+    lean, given = c.realtime(), draw(c.arm, rng)
     lean.torque(*given)
     state = lean.state
     z = state.z
@@ -112,7 +112,7 @@ def test_a_state_that_was_asked_for_stays_as_it_was(
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_ticks_leave_no_memory_behind(backend: Backend, rng: np.random.Generator) -> None:
     c = controller(arms.spinner(), backend, limits=5.0)
-    lean, state, given = c.lean(), c.init(), draw(c.arm, rng)
+    lean, state, given = c.realtime(), c.init(), draw(c.arm, rng)
 
     def run(ticks: int) -> None:
         nonlocal state

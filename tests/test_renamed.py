@@ -1,0 +1,97 @@
+"""Old names work for one release: each warns, and is the new one."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rbimpedance as rbi
+from rbimpedance._moved import MOVED
+
+NAMES = {
+    "GainError": "ParameterError",
+    "LeanController": "RealtimeController",
+    "Spread": "MotionMargin",
+    "observe": "estimate_disturbance",
+    "sense": "replay_sensor",
+}
+
+
+@pytest.fixture(scope="module")
+def controller() -> rbi.ImpedanceController:
+    surface = rbi.FastTerminalSurface(2.0, 3.0, 0.6)
+    arm, impedance = rbi.load_robot("two_link"), rbi.Impedance(1.0, 10.0, 20.0)
+    return rbi.ImpedanceController(arm, impedance, surface, rbi.SuperTwisting(8.0, 10.0), 1e-3)
+
+
+@pytest.mark.parametrize("old", sorted(NAMES))
+def test_old_public_name_warns_and_is_the_new_one(old: str) -> None:
+    with pytest.warns(DeprecationWarning, match=f"{old} is now .*{NAMES[old]}"):
+        assert getattr(rbi, old) is getattr(rbi, NAMES[old])
+
+
+@pytest.mark.parametrize("old", sorted(MOVED))
+def test_old_module_warns_and_answers_with_the_new_one(old: str) -> None:
+    new = import_module(MOVED[old])
+    with pytest.warns(DeprecationWarning, match=f"{old} has moved to {MOVED[old]}"):
+        module = import_module(old)
+    public = next(name for name, value in vars(new).items() if callable(value) and name[0] != "_")
+    assert getattr(module, public) is getattr(new, public)
+
+
+def test_old_name_of_the_error_is_known_to_its_module() -> None:
+    with pytest.warns(DeprecationWarning, match="ParameterError"):
+        assert import_module("rbimpedance.exceptions").GainError is rbi.ParameterError
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("knowledge", "model"), ("lean", "realtime")],
+)
+def test_old_attribute_of_the_controller_warns(
+    controller: rbi.ImpedanceController, old: str, new: str
+) -> None:
+    with pytest.warns(DeprecationWarning, match=f"{old} is now .*{new}"):
+        assert getattr(controller, old) == getattr(controller, new)
+
+
+@pytest.mark.parametrize("backend", ["pinocchio", "compiled"])
+@pytest.mark.parametrize(
+    ("old", "new"), [("guaranteed", "premise_holds"), ("held", "reference_limited")]
+)
+def test_old_flag_of_the_output_warns(
+    controller: rbi.ImpedanceController, backend: Any, old: str, new: str
+) -> None:
+    c = controller
+    again = rbi.ImpedanceController(
+        c.arm, c.impedance, c.surface, c.reaching, c.dt, backend=backend
+    )
+    rest = np.zeros(2)
+    output, _ = again.step(again.init(), rest, rest, rbi.Reference(rest, rest, rest), rest)
+    with pytest.warns(DeprecationWarning, match=f"{old} is now .*{new}"):
+        assert (getattr(output, old) == getattr(output, new)).all()
+
+
+def test_old_arguments_are_taken(controller: rbi.ImpedanceController) -> None:
+    c: Any = controller
+    with pytest.warns(DeprecationWarning, match="is now") as said:
+        old = rbi.ImpedanceController(
+            c.arm,
+            c.impedance,
+            c.surface,
+            c.reaching,
+            c.dt,
+            knowledge="mass",  # type: ignore[call-arg]
+        )
+    assert [str(each.message).partition(";")[0] for each in said] == [
+        "knowledge= is now model=",
+        'model="mass" is now model="inertia"',
+    ]
+    assert old.model == "inertia"
+    with pytest.warns(DeprecationWarning, match="error= is now max_error="):
+        bounded = rbi.BoundedSurface(c.surface, error=0.4)  # type: ignore[call-arg]
+    with pytest.warns(DeprecationWarning, match="error is now"):
+        assert bounded.error == 0.4
