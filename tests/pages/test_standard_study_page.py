@@ -1,0 +1,62 @@
+"""No number in the tables of docs/standard-study.md is typed by hand."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rbimpedance.study.standard import STANDARD
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def script() -> Iterator[Any]:
+    sys.path.insert(0, str(ROOT / "benchmarks"))
+    try:
+        yield importlib.import_module("standard_study")
+    finally:
+        sys.path.pop(0)
+
+
+@pytest.fixture(scope="module")
+def figures(script: Any) -> dict[str, Any]:
+    told: dict[str, Any] = json.loads(script.FIGURES.read_text("utf-8"))
+    return told
+
+
+def test_tables_are_those_of_the_measured_figures(script: Any, figures: dict[str, Any]) -> None:
+    page = script.PAGE.read_text("utf-8")
+    for place, table in script.tables(figures).items():
+        assert f"<!-- {place} -->\n\n{table}\n\n<!-- end of {place} -->" in page, place
+
+
+def test_figures_are_of_the_whole_study_as_it_is_defined_now(figures: dict[str, Any]) -> None:
+    assert figures["summary"]["runs"] == STANDARD.runs
+    assert list(figures["summary"]["controllers"]) == list(STANDARD.controllers)
+    assert figures["summary"]["disturbances"] == list(STANDARD.disturbances)
+
+
+@pytest.mark.parametrize(
+    ("value", "written"),
+    [
+        (None, "–"),
+        (float("nan"), "–"),
+        (4.62e-6, "4.6e-06"),
+        (0.0123, "0.012"),
+        (0.8, "0.8"),
+        (171.0, "170"),
+        (1234.0, "1200"),
+        (83400.0, "8.3e+04"),
+    ],
+)
+def test_figures_are_written_with_two_digits(
+    script: Any, value: float | None, written: str
+) -> None:
+    assert script.number(value) == written

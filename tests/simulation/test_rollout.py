@@ -1,0 +1,340 @@
+"""`simulate(..., backend="compiled")`, held to the readable form of the loop."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from numpy.typing import NDArray
+
+import rbimpedance as rbi
+from rbimpedance import interaction
+from rbimpedance._numba.notices import say_once
+from rbimpedance.control.telemetry import FLAGS
+from rbimpedance.simulation import closed_loop
+from rbimpedance.simulation import run as single
+from rbimpedance.trajectories import SampledTrajectory, cosine, hold, waypoints
+
+from .. import arms
+
+Array = NDArray[np.float64]
+FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
+CHANNELS = ("t", *closed_loop.CHANNELS)
+
+
+def build(arm: rbi.ArmModel, dt: float = 1e-3, **changes: Any) -> rbi.ImpedanceController:
+    parts: dict[str, Any] = {
+        "impedance": rbi.Impedance(mass=1.0, damping=10.0, stiffness=20.0),
+        "surface": rbi.FastTerminalSurface(rate=2.0, gamma=3.0, exponent=0.6, smoothing=1e-3),
+        "reaching": rbi.SuperTwisting(k1=8.0, k2=10.0, scheme="matched"),
+    }
+    return rbi.ImpedanceController(arm, **(parts | changes), dt=dt)
+
+
+def load(name: str) -> rbi.ArmModel:
+    return rbi.load_robot("panda", lock=FINGERS) if name == "panda" else rbi.load_robot(name)
+
+
+def readable(
+    controller: rbi.ImpedanceController, *given: Any, **settings: Any
+) -> rbi.SimulationResult:
+    """The run by the form that specifies all others."""
+    standard: Any = {"substeps": 4, "integrator": "semi-implicit"}
+    loop = single.closed_loop(controller, *given, **(standard | settings))
+    return closed_loop.run(loop)
+
+
+def assert_same(one: rbi.SimulationResult, other: rbi.SimulationResult, bound: float) -> None:
+    """Equal in every channel, relative to the channel's largest entry."""
+    for name in CHANNELS:
+        mine, truth = (np.asarray(getattr(x, name), dtype=np.float64) for x in (one, other))
+        assert_allclose(mine, truth, rtol=0.0, atol=bound * max(np.abs(truth).max(), 1.0))
+
+
+@pytest.fixture
+def said(caplog: pytest.LogCaptureFixture) -> pytest.LogCaptureFixture:
+    say_once.cache_clear()
+    return caplog
+
+
+# --- the same run --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("backend", ["pinocchio", "compiled"])
+@pytest.mark.parametrize("name", ["two_link", "panda", "ur5", "kinova"])
+def test_fast_run_is_the_readable_run(
+    name: str, backend: Any, said: pytest.LogCaptureFixture, rng: np.random.Generator
+) -> None:
+    """A heavier plant with friction, swung about and pushed at the tool; kinova has continuous joints."""
+    arm = load(name)
+    plant = arm.with_payload(0.5).with_friction(0.2, 0.3)
+    motion = cosine(arm, amplitude=0.3, period=rng.uniform(1.0, 2.0, arm.nv))
+    given = build(arm), plant, motion
+    settings: Any = {"wrench": lambda t: [np.sin(9.0 * t), 1.0, -2.0, 0.1, 0.0, 0.2]}
+    settings |= {"duration": 0.2, "substeps": 2, "v0": rng.normal(size=arm.nv) / 10.0}
+    run = rbi.simulate(*given, **settings, backend=backend)
+    assert_same(run, readable(*given, **settings), 1e-10)
+    assert run.tau_ext.any()
+    assert "left to Python" not in said.text
+
+
+ENVIRONMENTS: dict[str, Any] = {
+    "wrench": [1.0, -2.0, 3.0, 0.1, 0.2, -0.3],
+    "local": rbi.FrameWrench([1.0, -2.0, 3.0, 0.1, 0.2, -0.3], expressed_in="local"),
+    "at a link": rbi.FrameWrench(lambda t: np.full(6, t), "carriage"),
+    "at the base": rbi.FrameWrench(np.ones(6), "universe"),
+    "joint torque": rbi.JointTorque([1.0, 2.0, -0.5]),
+    "push": rbi.Push([4.0, 0.0, 0.0, 0.0, 1.0, 0.0], start=0.02, duration=0.1, rise=0.03),
+    "wall": "still",
+    "moving wall": "moving",
+    "sum": rbi.Sum(
+        rbi.Sum(rbi.JointTorque(lambda t: [t, 0.0, 1.0]), rbi.FrameWrench(np.ones(6))),
+        rbi.Push([4.0, 0.0, 0.0, 0.0, 1.0, 0.0], start=0.0, duration=0.2),
+    ),
+}
+
+
+def environment(name: str, arm: rbi.ArmModel) -> Any:
+    """A wall stands just behind the tool, so that the swing presses on it."""
+    given = ENVIRONMENTS[name]
+    if given not in ("still", "moving"):
+        return given
+    point = arm.frame_placement(arm.neutral)[1] - 1e-3
+    moves = (lambda t: 0.01 * np.sin(40.0 * t)) if given == "moving" else None
+    return rbi.Wall(point, [1.0, 1.0, 1.0], 900.0, 20.0, displacement=moves)
+
+
+@pytest.mark.parametrize(
+    ("backend", "integrator"),
+    [("pinocchio", "semi-implicit"), ("compiled", "semi-implicit"), ("compiled", "rk4")],
+)
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+def test_environment_pushes_as_in_the_readable_run(
+    name: str, backend: Any, integrator: Any
+) -> None:
+    """A continuous, a sliding and an oblique joint."""
+    arm = arms.spinner()
+    given = build(arm), arm.with_payload(0.3), cosine(arm, amplitude=0.2, period=0.3)
+    settings: Any = {"wrench": environment(name, arm), "duration": 0.15, "substeps": 3}
+    settings |= {"integrator": integrator}
+    run = rbi.simulate(*given, **settings, backend=backend)
+    assert_same(run, readable(*given, **settings), 1e-10)
+    is_pushed = run.tau_ext.any(axis=1)
+    assert is_pushed.any() == (name != "at the base")
+    if "wall" in name:
+        assert not is_pushed.all()  # it comes and goes
+
+
+LAWS: dict[str, dict[str, Any]] = {
+    "explicit, power": {
+        "surface": rbi.PowerSurface(3.0, 1.5),
+        "reaching": rbi.SuperTwisting(k1=8.0, k2=10.0, scheme="explicit"),
+    },
+    "implicit, nonsingular": {
+        "surface": rbi.NonsingularTerminalSurface(1.5, 1.6),
+        "reaching": rbi.SuperTwisting(k1=8.0, k2=10.0, scheme="implicit"),
+    },
+    "coupled impedance": {
+        "impedance": rbi.Impedance(np.eye(3) + 0.1, 10.0 * np.eye(3) + 0.3, damping_ratio=None, stiffness=20.0)
+    },
+    "mass only": {"model": "inertia"},
+    "limits": {"limits": [3.0, 18.0, 4.0]},
+    "limited rate": {"limits": rbi.Limits(rate=[50.0, 2000.0, 50.0])},
+    "bounded surface": {"surface": rbi.BoundedSurface(rbi.FastTerminalSurface(2.0, 3.0, 0.6), 1e-3)},
+    "compiled controller": {"backend": "compiled"},
+}  # fmt: skip
+
+
+def held_back_by(law: dict[str, Any]) -> set[str]:
+    """Flags that one of the laws above raises."""
+    limits = law.get("limits")
+    flags = {"rate_limited" if isinstance(limits, rbi.Limits) else "saturated"} if limits else set()
+    return flags | ({"clipped"} if isinstance(law.get("surface"), rbi.BoundedSurface) else set())
+
+
+@pytest.mark.parametrize("backend", ["pinocchio", "compiled"])
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+def test_every_law_runs_as_in_the_readable_form(law: dict[str, Any], backend: Any) -> None:
+    arm = arms.spinner()
+    given = build(arm, **law), arm.with_payload(0.3), hold(arm, [0.0, 1.0, 0.4, 0.3])
+    settings: Any = {"wrench": [3.0, -2.0, 1.0, 0.1, 0.2, -0.3], "duration": 0.1, "substeps": 1}
+    run = rbi.simulate(*given, **settings, backend=backend)
+    assert_same(run, readable(*given, **settings), 1e-10)
+    assert {name for name in FLAGS if getattr(run, name).any()} == held_back_by(law)
+
+
+def test_stiff_friction_is_taken_at_the_end_of_the_step() -> None:
+    arm = arms.spinner()
+    plant = arm.with_friction(2000.0, 5.0)
+    given = build(arm), plant, cosine(arm, amplitude=0.2, period=0.3)
+    settings: Any = {"duration": 0.1, "substeps": 1, "v0": [1.0, 1.0, 1.0]}
+    run = rbi.simulate(*given, **settings, backend="compiled")
+    assert_same(run, readable(*given, **settings), 1e-10)
+    assert np.abs(run.v[-1]).max() < 1.0
+
+
+def test_run_does_not_depend_on_where_its_blocks_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    from rbimpedance.simulation.compiled import world  # noqa: PLC0415 (needs Numba)
+
+    arm = arms.spinner()
+    given = build(arm), arm.with_payload(0.3), cosine(arm, amplitude=0.2, period=0.3)
+    settings: Any = {"wrench": lambda t: np.full(6, t), "duration": 0.1, "substeps": 2}
+    whole = rbi.simulate(*given, **settings, backend="compiled")
+    told: list[tuple[int, int]] = []
+    monkeypatch.setattr(world, "STEPS_AT_ONCE", 14)
+    parts = rbi.simulate(*given, **settings, backend="compiled", on_tick=lambda *x: told.append(x))
+    for name in CHANNELS:
+        assert_array_equal(getattr(parts, name), getattr(whole, name))
+    assert told[0] == (0, 100)
+    assert told[-1] == (100, 100)
+    assert told == sorted(set(told))
+    assert len(told) > 10
+
+
+# --- trajectories --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "arm", [arms.spinner(), arms.manipulator()], ids=["spinner", "manipulator"]
+)
+def test_samples_are_the_trajectory_one_by_one(arm: rbi.ArmModel, rng: np.random.Generator) -> None:
+    knots = [arm.random_configuration(rng) for _ in range(3)]
+    times = np.linspace(-0.1, 2.2, 50)
+    for trajectory in (
+        hold(arm, knots[0]),
+        cosine(arm, center=knots[0], amplitude=0.4, period=2.0),
+        cosine(arm, center=knots[1], amplitude=0.4, period=np.linspace(1.0, 2.0, arm.nv)),
+        waypoints(arm, knots, [0.0, 1.0, 2.0]),
+    ):
+        assert isinstance(trajectory, SampledTrajectory)
+        for i, part in enumerate(trajectory.sample(times)):
+            one_by_one = [trajectory(t)[i] for t in times]
+            assert_allclose(np.broadcast_to(part, np.shape(one_by_one)), one_by_one, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("reference", "error", "words"),
+    [
+        (([0.0] * 5, [0.0] * 6, [0.0] * 6), rbi.DimensionError, "reference.q"),
+        (([0.0] * 6, [np.nan] * 6, [0.0] * 6), rbi.NonFiniteError, "reference.v"),
+        (([0.0] * 6, [0.0] * 6, "fast"), rbi.DimensionError, "reference.a"),
+        (7, rbi.DimensionError, "reference"),
+    ],
+)
+def test_a_bad_reference_is_refused_as_by_the_controller(
+    reference: Any, error: type[Exception], words: str
+) -> None:
+    arm = arms.manipulator()
+
+    def trajectory(t: float) -> rbi.Reference:
+        return hold(arm)(t) if t < 0.005 else reference
+
+    for backend in ("pinocchio", "compiled"):
+        with pytest.raises(error, match=words):
+            rbi.simulate(build(arm), arm, trajectory, duration=0.01, backend=backend)
+
+
+@pytest.mark.parametrize("value", [np.ones(5), np.full(6, np.nan), "hard"])
+def test_a_bad_wrench_is_refused(value: Any) -> None:
+    arm = arms.manipulator()
+    wrench = rbi.FrameWrench(lambda t: np.ones(6) if t < 0.005 else value)
+    for backend in ("pinocchio", "compiled"):
+        with pytest.raises(rbi.InputError, match="wrench"):
+            rbi.simulate(build(arm), arm, hold(arm), wrench=wrench, duration=0.01, backend=backend)
+
+
+def test_an_unknown_frame_and_an_unknown_backend_are_refused() -> None:
+    arm = arms.manipulator()
+    given: Any = build(arm), arm, hold(arm)
+    with pytest.raises(rbi.ModelError, match="no frame 'hook'"):
+        rbi.simulate(
+            *given, wrench=rbi.FrameWrench(np.ones(6), "hook"), duration=0.01, backend="compiled"
+        )
+    with pytest.raises(rbi.ParameterError, match="backend"):
+        rbi.simulate(*given, duration=0.01, backend="c")  # type: ignore[arg-type]
+
+
+# --- divergence ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("backend", ["pinocchio", "compiled"])
+def test_divergence_carries_the_same_as_in_the_readable_run(backend: Any) -> None:
+    """A pull that grows without end."""
+    arm = arms.spinner()
+    given = build(arm, limits=20.0), arm, hold(arm)
+    settings: Any = {"wrench": rbi.JointTorque(lambda t: [0.0, 1e9 * (t > 0.05), 0.0])}
+    errors = []
+    for run in (readable, partial(rbi.simulate, backend=backend)):
+        with pytest.raises(rbi.DivergenceError) as caught:
+            run(*given, **settings, duration=0.2)
+        errors.append(caught.value)
+    truth, mine = errors
+    assert (mine.time, mine.joint, str(mine)) == (truth.time, truth.joint, str(truth))
+    assert len(mine.result.t) == len(truth.result.t) < 100
+    for name in CHANNELS:
+        one, other = (np.asarray(getattr(x.result, name), dtype=np.float64) for x in errors)
+        assert_allclose(other, one, rtol=1e-9, atol=1e-9)
+
+
+# --- what is left to Python ----------------------------------------------------------------------
+
+
+class Mine:
+    """An interaction of the user's own."""
+
+    def torque(self, arm: rbi.ArmModel, t: float, q: Array, v: Array) -> Array:
+        del t, q, v
+        return np.ones(arm.nv)
+
+
+LEFT: dict[str, tuple[Any, dict[str, Any], str]] = {
+    "interaction": ({}, {"wrench": Mine()}, "Mine"),
+    "inner interaction": ({}, {"wrench": rbi.Sum(Mine())}, "Sum"),
+    "sensor": ({}, {"sensor": interaction.Delay(2)}, "Delay"),
+    "target": ({"impedance": rbi.FiniteTimeImpedance(1.5, 10.0, 20.0, 0.7)}, {}, "FiniteTime"),
+}
+
+
+@pytest.mark.parametrize("name", LEFT)
+def test_what_has_no_compiled_form_runs_in_python_and_that_is_said_once(
+    name: str, said: pytest.LogCaptureFixture
+) -> None:
+    changes, settings, word = LEFT[name]
+    arm = arms.spinner()
+    given: Any = build(arm, **changes), arm, hold(arm)
+    settings = {"duration": 0.01} | settings
+    runs = [rbi.simulate(*given, **settings, backend="compiled") for _ in range(2)]
+    assert_same(runs[0], readable(*given, **settings), 1e-10)
+    said_so = [record.message for record in said.records if "left to Python" in record.message]
+    assert len(said_so) == 1
+    assert word in said_so[0]
+
+
+def test_mimic_arms_and_other_controllers_run_in_python(said: pytest.LogCaptureFixture) -> None:
+    arm = arms.follower()
+    run = rbi.simulate(build(arm), arm, hold(arm), duration=0.01, backend="compiled")
+    assert_same(run, readable(build(arm), arm, hold(arm), duration=0.01), 1e-10)
+    assert "left to Python" in said.text
+    pendulum = arms.pendulum()
+    other = rbi.baselines.PDGravity(pendulum, rbi.Impedance(1.0, 10.0, 20.0), 1e-3)
+    rbi.simulate(other, pendulum, hold(pendulum), duration=0.01, backend="compiled")
+    assert "PDGravity" in said.text
+
+
+def test_default_run_does_not_compile_the_rollout() -> None:
+    code = (
+        "import sys, rbimpedance as rbi\n"
+        "arm = rbi.load_robot('two_link')\n"
+        "parts = rbi.Impedance(1, 10, 20), rbi.PowerSurface(3, 1.5), rbi.SuperTwisting(8, 10)\n"
+        "c = rbi.ImpedanceController(arm, *parts, 1e-3)\n"
+        "rbi.simulate(c, arm, rbi.trajectories.hold(arm), duration=0.01)\n"
+        "rollout = sys.modules.get('rbimpedance.simulation.compiled.rollout')\n"
+        "print(rollout is not None and bool(rollout._ROLLOUT))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "False"
