@@ -16,7 +16,7 @@ import rbimpedance
 SOURCES = Path(rbimpedance.__file__).parent
 
 LAYERS = (
-    ("exceptions", "_moved"),
+    ("exceptions",),
     ("_common",),
     ("_numba",),
     ("law",),
@@ -34,7 +34,7 @@ LAYERS = (
 )
 """Rooms from the lowest layer up. A module imports from its own room and from lower layers, nothing else."""
 
-PURE = {"exceptions", "_moved", "_common", "law"}  # the mathematics: NumPy and SciPy only
+PURE = {"exceptions", "_common", "law"}  # the mathematics: NumPy and SciPy only
 KNOW_PINOCCHIO = {"robot", "pictures", "cli"}
 HEAVY = (
     *("dask", "distributed", "matplotlib", "meshcat", "mujoco", "numba", "pyarrow", "rich"),

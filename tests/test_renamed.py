@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rbimpedance as rbi
-from rbimpedance._moved import MOVED
+from rbimpedance._common.moved import MOVED
 
 NAMES = {
     "GainError": "ParameterError",

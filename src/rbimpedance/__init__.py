@@ -14,8 +14,8 @@ from . import interaction as interaction
 from . import trajectories as trajectories
 from ._common.deprecation import warn_renamed as _warn_renamed
 from ._common.leaf import leaf as _leaf
-from ._moved import MOVED as _MOVED
-from ._moved import MovedModules as _MovedModules
+from ._common.moved import MOVED as _MOVED
+from ._common.moved import MovedModules as _MovedModules
 from .control import baselines as baselines
 from .control.controller import ControllerOutput as ControllerOutput
 from .control.controller import ControllerState as ControllerState
