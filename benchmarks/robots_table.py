@@ -67,7 +67,8 @@ def examine(name: str, source: str | Path) -> Row:
             if error.joints != ("root_joint",):
                 row.refusal = row.refusal or error.reason
             lock = (*arguments.get("lock", ()), *error.joints)
-            arguments = {"lock": lock} if "lock=" in error.reason else {"armature": ARMATURE}
+            geared = {"armature": ARMATURE, "massless": "massless=" in error.reason}
+            arguments = {"lock": lock} if "lock=" in error.reason else geared
         except rbi.ModelError as error:
             row.refusal = row.refusal or str(error)
             break

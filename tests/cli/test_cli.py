@@ -144,6 +144,21 @@ def test_view_serves_the_page_until_it_is_interrupted() -> None:
         urllib.request.urlopen(url, timeout=5.0)
 
 
+def test_inspect_says_first_that_an_arm_without_masses_has_no_gravity(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = tmp_path / "bare.urdf"
+    path.write_text(
+        '<robot name="bare"><link name="base"/><link name="arm"/><joint name="bare" type="continuous">'
+        '<parent link="base"/><child link="arm"/></joint></robot>'
+    )
+    assert call(monkeypatch, "inspect", str(path), "--armature", "0.1") == 2
+    assert "--massless --armature" in capsys.readouterr().err
+    assert call(monkeypatch, "inspect", str(path), "--armature", "0.1", "--massless") == 0
+    notes = [line for line in capsys.readouterr().out.splitlines() if line.startswith("note: ")]
+    assert notes[0].startswith("note: NO GRAVITY: the links that 'bare' move have no mass")
+
+
 @pytest.mark.parametrize("command", ["paper", "run", "inspect", "view"])
 def test_help_shows_an_example(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str

@@ -129,7 +129,7 @@ def test_identities_hold_on_every_file_of_the_corpus(path: Path, rng: np.random.
     if path.name in REFUSED:
         with pytest.raises(rbi.UnsupportedJointError, match=REFUSED[path.name]):
             rbi.load_robot(path)
-        check_identities(rbi.load_robot(path, armature=0.1), rng)
+        check_identities(rbi.load_robot(path, armature=0.1, massless=True), rng)
     else:
         check_identities(rbi.load_robot(path), rng)
 
@@ -545,18 +545,69 @@ def test_tool_frame_can_be_named() -> None:
 # --- inertia, limits, gravity, armature -------------------------------------------------------------------------
 
 
-def test_joint_without_inertia_is_refused_by_name_and_loads_with_armature() -> None:
-    text = urdf(
+def hand_without_mass(mass: float = 0.0) -> str:
+    return urdf(
         urdf_joint("good", "revolute", "base", "a", "0 1 0", LIMIT),
         urdf_link("a", 1.0),
         urdf_joint("bad", "revolute", "a", "b", "0 1 0", LIMIT),
-        MASSLESS.format("b"),
+        urdf_link("b", mass) if mass else MASSLESS.format("b"),
     )
-    with pytest.raises(rbi.UnsupportedJointError, match=r"armature=.*lock=\(\"bad\",\)") as caught:
-        rbi.load_robot(text)
+
+
+@pytest.mark.parametrize("mass", [0.0, 1e-9])
+@pytest.mark.parametrize("armature", [None, 0.1])
+def test_joint_without_mass_is_refused_by_name_with_armature_too(
+    mass: float, armature: float | None
+) -> None:
+    text = hand_without_mass(mass)
+    words = r"have no mass.*lock=\(\"bad\",\).*massless=True.*armature="
+    with pytest.raises(rbi.UnsupportedJointError, match=words) as caught:
+        rbi.load_robot(text, armature=armature)
     assert caught.value.joints == ("bad",)
-    assert_allclose(rbi.load_robot(text, armature=[0.0, 0.2]).mass_matrix([0.1, 0.2])[1, 1], 0.2)
     assert rbi.load_robot(text, lock="bad").joint_names == ("good",)
+
+
+def test_joint_without_mass_is_accepted_on_request_and_noted_first() -> None:
+    arm = rbi.load_robot(hand_without_mass(), armature=[0.0, 0.2], massless=True)
+    assert_allclose(arm.mass_matrix([0.1, 0.2])[1, 1], 0.2)
+    assert arm.bias([0.1, 0.2], [0.0, 0.0])[1] == 0.0
+    assert arm.notes[0].startswith("NO GRAVITY: the links that 'bad' move have no mass")
+    assert arm.with_payload(1.0).notes == arm.notes
+
+
+def test_model_of_pinocchio_without_mass_is_refused_although_it_has_armature() -> None:
+    model = pin.buildModelFromXML(hand_without_mass())
+    model.armature = np.array([0.1, 0.1])
+    with pytest.raises(rbi.UnsupportedJointError, match=r"'bad'.*have no mass"):
+        rbi.load_robot(model)
+
+
+def test_leader_whose_follower_moves_mass_is_no_joint_without_mass() -> None:
+    rule = '<mimic joint="lead" multiplier="2"/>'
+    text = urdf(
+        urdf_joint("lead", "revolute", "base", "a", "0 1 0", LIMIT),
+        MASSLESS.format("a"),
+        urdf_joint("with_it", "revolute", "base", "b", "0 1 0", LIMIT + rule),
+        urdf_link("b", 1.0),
+    )
+    assert rbi.load_robot(text).joint_names == ("lead",)
+
+
+def test_result_of_an_arm_without_mass_finds_its_robot_again(tmp_path: Path) -> None:
+    path = tmp_path / "hand.urdf"
+    path.write_text(hand_without_mass())
+    arm = rbi.load_robot(path, armature=0.2, massless=True)
+    assert arm.description is not None
+    assert arm.description.recipe is not None
+    recipe = dict(arm.description.recipe)
+    again = rbi.load_robot(recipe.pop("source"), tool_frame=arm.tool_frame, **recipe)
+    assert again.digest == arm.digest
+
+
+def test_joint_that_is_frozen_while_its_leader_moves_is_noted() -> None:
+    notes = rbi.load_robot(mimic_urdf(), lock=("follow",)).notes
+    assert any("frozen by lock=" in note and "'follow'" in note for note in notes)
+    assert not any("frozen by lock=" in note for note in rbi.load_robot(mimic_urdf()).notes)
 
 
 def test_massless_link_between_heavy_ones_is_no_fault() -> None:

@@ -76,6 +76,10 @@ Armature = Annotated[
 Gravity = Annotated[
     str | None, typer.Option("--gravity", metavar="X,Y,Z", help="Gravity in world axes in m/s^2.")
 ]
+Massless = Annotated[
+    bool,
+    typer.Option("--massless", help="Accept links without mass: no gravity is known there."),
+]
 PackageDir = Annotated[
     list[Path] | None,
     typer.Option("--package-dir", metavar="DIR", help="Where package:// resolves; repeatable."),
@@ -180,6 +184,7 @@ def run(
     tool_frame: ToolFrame = None,
     armature: Armature = None,
     gravity: Gravity = None,
+    massless: Massless = False,
     package_dir: PackageDir = None,
     repair: Repair = False,
     out: Out = Path("out"),
@@ -190,7 +195,9 @@ def run(
     quiet: Quiet = False,
 ) -> None:
     """Simulate the controller on any robot, which follows a cosine about its neutral configuration."""
-    arm = _load(robot, lock, tool_frame, armature, gravity, package_dir, repair=repair)
+    arm = _load(
+        robot, lock, tool_frame, armature, gravity, package_dir, massless=massless, repair=repair
+    )
     target = Impedance(
         mass=_numbers("--mass", mass),
         damping=_numbers("--damping", damping),
@@ -297,6 +304,7 @@ def tune(
     tool_frame: ToolFrame = None,
     armature: Armature = None,
     gravity: Gravity = None,
+    massless: Massless = False,
     package_dir: PackageDir = None,
     repair: Repair = False,
     out: Out = Path("out"),
@@ -304,7 +312,9 @@ def tune(
     quiet: Quiet = False,
 ) -> None:
     """Propose gains that carry what is not known about a robot, or say why none do (exit code 1)."""
-    arm = _load(robot, lock, tool_frame, armature, gravity, package_dir, repair=repair)
+    arm = _load(
+        robot, lock, tool_frame, armature, gravity, package_dir, massless=massless, repair=repair
+    )
     uncertainty = Uncertainty(
         payload=_numbers("--payload", payload),
         payload_com=_numbers("--payload-com", payload_com, 3),
@@ -354,13 +364,16 @@ def inspect(
     tool_frame: ToolFrame = None,
     armature: Armature = None,
     gravity: Gravity = None,
+    massless: Massless = False,
     package_dir: PackageDir = None,
     repair: Repair = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Show what a robot's description says: joints, limits, friction, frames, and what is odd about it."""
-    arm = _load(robot, lock, tool_frame, armature, gravity, package_dir, repair=repair)
+    arm = _load(
+        robot, lock, tool_frame, armature, gravity, package_dir, massless=massless, repair=repair
+    )
     M = arm.mass_matrix(arm.neutral)
     if as_json:
         print_json({name: getattr(arm, name) for name in _INSPECTED})
@@ -410,7 +423,9 @@ def view_command(
         if shown.endswith(".npz"):
             viewer = animate(SimulationResult.load(shown), port=port)
         else:
-            arm = _load(shown, lock, tool_frame, None, None, package_dir, repair=repair)
+            arm = _load(  # a picture needs no masses
+                shown, lock, tool_frame, "1", None, package_dir, massless=True, repair=repair
+            )
             viewer = view(arm, port=port)
     for note in viewer.notes if not as_json else ():
         stderr.print(f"note: {note}", soft_wrap=True, markup=False)
@@ -471,6 +486,7 @@ def _load(
     gravity: str | None,
     package_dir: list[Path] | None,
     *,
+    massless: bool,
     repair: bool,
 ) -> ArmModel:
     return load_robot(
@@ -480,6 +496,7 @@ def _load(
         armature=None if armature is None else _numbers("--armature", armature),
         gravity=None if gravity is None else _numbers("--gravity", gravity, 3),
         package_dirs=tuple(package_dir or ()),
+        massless=massless,
         repair=repair,
     )
 

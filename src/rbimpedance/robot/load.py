@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from numbers import Real
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from .loading.joint_selection import joints_to_lock, locked_positions
 from .loading.model_building import build_model, checked_copy
 from .loading.repair import repair_names
 from .loading.robot_sources import RobotText, folders_of, read_source
-from .loading.soundness import check_inertia
+from .loading.soundness import check_inertia, check_mass, massless_joints
 from .loading.urdf_appearance import appearance_notes
 from .loading.urdf_document import listed
 from .loading.urdf_reader import FARTHEST_LIMIT, parse_urdf
@@ -43,6 +43,7 @@ def load_robot(
     tool_frame: str | None = None,
     gravity: ArrayLike | None = None,
     armature: ArrayLike | None = None,
+    massless: bool = False,
     package_dirs: str | Path | Sequence[str | Path] = (),
     repair: bool | str | Iterable[str] = False,
 ) -> ArmModel:
@@ -64,6 +65,8 @@ def load_robot(
             `<rbimpedance><gravity xyz="0 0 -9.8"/></rbimpedance>`, else (0, 0, -9.81).
         armature: Reflected inertia of the rotors on the diagonal of M, scalar or (nv,) [kg·m² or kg]; replaces what a
             `pinocchio.Model` carries.
+        massless: True accepts joints that move links without mass. Their gravity torque is 0 in the model, so that the
+            controller does not hold the real links; `notes` name the joints. They need `armature`.
         package_dirs: Folders in which `package://` addresses of meshes are looked up.
         repair: True mends defects of a document that have one obvious mend; names of `loading.repair.REPAIRS` mend
             those only. What was mended stands in `notes`.
@@ -94,7 +97,7 @@ def load_robot(
             robot = _from_text(text, joints, lock, values, repairs)
             robot = replace(robot, description=_with_recipe(robot, source, package_dirs, repairs))
     with error_context(origin):
-        return _arm(robot, tool_frame, gravity, armature)
+        return _arm(robot, tool_frame, gravity, armature, massless=massless)
 
 
 def _arm(
@@ -102,15 +105,25 @@ def _arm(
     tool_frame: str | None,
     gravity: ArrayLike | None,
     armature: ArrayLike | None,
+    *,
+    massless: bool,
 ) -> ArmModel:
     """Freeze what is locked, set what was asked for, and check the dynamics."""
     model = _reduced(robot)
+    if not massless:
+        check_mass(model)
     if gravity is not None:
         model.gravity.linear = vector("gravity", gravity, 3, "x, y, z")
     tool = _default_tool_frame(model, robot.link_order) if tool_frame is None else tool_frame
     if not isinstance(tool, str):
         raise ModelError(f"tool_frame= takes the name of a frame, got {tool!r}")
-    notes = (*robot.notes, *_limit_notes(model), *_rotor_notes(model, robot.rotors))
+    notes = (
+        *_mass_notes(model),
+        *robot.notes,
+        *_follower_notes(robot),
+        *_limit_notes(model),
+        *_rotor_notes(model, robot.rotors),
+    )
     if armature is not None:
         given = gain("armature", armature, "non-negative", lambda x: x >= 0.0)
         model.armature = np.array(per_joint("armature", given, model.nv))
@@ -119,7 +132,7 @@ def _arm(
         name=printable(robot.name),
         tool_frame=tool,
         notes=tuple(printable(note) for note in notes),
-        description=robot.description,
+        description=_accepted(robot.description, model) if massless else robot.description,
     )
     check_inertia(arm)
     return arm
@@ -175,10 +188,14 @@ class _Robot:
     description: Description | None = None
     is_named: bool = False
     floats: bool = False
+    follows: Mapping[str, str] = field(default_factory=dict)
 
 
 RECIPE = frozenset(
-    {"source", "lock", "locked_configuration", "package_dirs", "repair", "tool_frame"}
+    {
+        *("source", "lock", "locked_configuration", "package_dirs", "repair", "tool_frame"),
+        *("massless", "armature"),
+    }
 )
 """What a result's recipe for its robot may hold: arguments of `load_robot`."""
 
@@ -204,6 +221,14 @@ def _with_recipe(
     return replace(description, recipe=recipe)
 
 
+def _accepted(description: Description | None, model: pin.Model) -> Description | None:
+    """The description whose recipe accepts links without mass."""
+    if description is None or description.recipe is None:
+        return description
+    recipe = {**description.recipe, "massless": True, "armature": model.armature.tolist()}
+    return replace(description, recipe=recipe)
+
+
 def _from_model(
     source: pin.Model,
     joints: Iterable[str] | None,
@@ -220,7 +245,7 @@ def _from_model(
         raise ModelError(
             f"locked_configuration: '{name}' follows '{primaries[name]}'; give that one's position"
         )
-    return _Robot(model, model.name or "robot", locked, values)
+    return _Robot(model, model.name or "robot", locked, values, follows=primaries)
 
 
 def _from_text(
@@ -255,6 +280,7 @@ def _from_text(
         description=Description(document.xml, text.folder, text.package_dirs),
         is_named=text.name is not None,
         floats=text.floating,
+        follows=follows,
     )
 
 
@@ -354,6 +380,27 @@ def _chain(frames: Sequence[pin.Frame], i: int) -> list[int]:
         parent = frames[i].parentFrame
         i = parent if parent < i else 0
     return chain
+
+
+def _mass_notes(model: pin.Model) -> tuple[str, ...]:
+    """Say which joints move no mass."""
+    names = massless_joints(model)
+    if not names:
+        return ()
+    return (
+        f"NO GRAVITY: the links that {listed(names)} move have no mass in this model; the torque that carries them is "
+        "taken as 0, and the real links will fall",
+    )
+
+
+def _follower_notes(robot: _Robot) -> tuple[str, ...]:
+    """Say which joints are frozen although what they follow moves."""
+    frozen = [name for name, leader in robot.follows.items() if leader not in robot.locked]
+    if not (frozen := sorted(robot.locked.intersection(frozen))):
+        return ()
+    return (
+        f"frozen by lock=, although what they follow moves: {listed(frozen)}; in the real robot they move too",
+    )
 
 
 def _limit_notes(model: pin.Model) -> tuple[str, ...]:

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from ..._common.arrays import Array
 from ...exceptions import ModelError, UnsupportedJointError
 from ..arm_model import ArmModel
+from ..rigid_bodies import movable_joints
 from .urdf_document import listed
 
 SMALLEST_INERTIA = 1e-9
 """Smallest inertia about a joint that counts as one [kg·m² or kg]."""
+
+SMALLEST_MASS = 1e-6
+"""Smallest mass that a joint may move [kg]: less is no mass, or a placeholder."""
 
 SMALLEST_EIGENVALUE = 1e-8
 """Smallest eigenvalue of M, scaled to a unit diagonal, with which M⁻¹ still has eight digits."""
@@ -25,6 +32,45 @@ LARGEST_CONDITION = 1e12
 _UNITS = "give masses in kg, inertias in kg·m² and lengths in m"
 _AGREEMENT = 1e-6  # of CRBA and RNEA, relative
 _SAMPLES = 8
+
+
+def massless_joints(model: pin.Model) -> tuple[str, ...]:
+    """Return the names of the joints that move links without mass only.
+
+    The model says nothing about gravity and inertia there. Armature hides that: it makes M invertible, and the torque
+    that holds the arm stays 0.
+
+    Args:
+        model: The model.
+    """
+    moved = {j: set(model.subtrees[j]) for j in movable_joints(model)}
+    for follower, leader in zip(model.mimicking_joints, model.mimicked_joints, strict=True):
+        moved[leader] |= set(model.subtrees[follower])
+    return tuple(
+        model.names[j]
+        for j, bodies in moved.items()
+        if sum(model.inertias[body].mass for body in bodies) < SMALLEST_MASS
+    )
+
+
+def check_mass(model: pin.Model) -> None:
+    """Refuse a model with joints that move no mass.
+
+    Args:
+        model: The model.
+
+    Raises:
+        UnsupportedJointError: The joints, and the ways out.
+    """
+    names = massless_joints(model)
+    if not names:
+        return
+    raise UnsupportedJointError(
+        names,
+        "the links that it moves have no mass: their gravity and inertia are not known; give them an <inertial> with "
+        f"mass{_or_lock(names, model.nv)}, or accept a model without gravity there: massless=True with the rotors' "
+        "inertia as armature= (--massless --armature)",
+    )
 
 
 def check_inertia(arm: ArmModel) -> None:
@@ -122,7 +168,12 @@ def _check_motion(arm: ArmModel, q: Array, M: Array, a: Array) -> None:
 
 def _unusable(names: list[str], arm: ArmModel) -> UnsupportedJointError:
     ways = "give the links an <inertial> with mass, or state the rotors' reflected inertia with armature="
-    if len(names) < arm.nv:
-        quoted = ", ".join(f'"{name}"' for name in names)
-        ways += f", or freeze with lock=({quoted},)"
-    return UnsupportedJointError(names, f"what it moves has no usable inertia; {ways}")
+    return UnsupportedJointError(
+        names, f"what it moves has no usable inertia; {ways}{_or_lock(names, arm.nv)}"
+    )
+
+
+def _or_lock(names: Sequence[str], count: int) -> str:
+    """The way out that freezes the joints; empty where nothing would be left to move."""
+    quoted = ", ".join(f'"{name}"' for name in names)
+    return f", or freeze with lock=({quoted},)" if len(names) < count else ""
