@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from rbimpedance import SimulationResult, load_robot
-from rbimpedance.cli import app as cli
+from rbimpedance.cli.app import app as cli
 from rbimpedance.simulation import scenarios
 
 from ..command_line import call

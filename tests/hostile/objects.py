@@ -190,7 +190,7 @@ def objects() -> Iterator[Case]:
         "model without inertia",
         lambda m: m.inertias.__setitem__(2, pin.Inertia.Zero()),
         "UnsupportedJointError",
-        "no usable inertia",
+        "have no mass",
     )
     yield of_model(
         "model placement nan",

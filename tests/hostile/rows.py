@@ -49,7 +49,7 @@ huge damping | damping="0.3" | damping="1e30" | sound |
 degrees as rad | rpy="0 0 0.5" | rpy="0 0 360" | sound |
 angle of 1e30 | rpy="0 0 0.5" | rpy="0 0 1e30" | ModelError | no angles
 two origins | <origin xyz="0 0 0.4"/> | <origin xyz="0 0 0.4"/><origin xyz="0 0 0.4"/> | ModelError | 2 <origin>
-no type | type="revolute" |  | ModelError | unknown type ''
+no type | type="revolute" |  | ModelError | joint 'shoulder' needs the attribute type
 # names and structure
 two links of one name | <link name="tool"/> | <link name="hand"/> | ModelError | two links
 two joints of one name | name="mount" | name="slide" | ModelError | two joints
@@ -74,7 +74,7 @@ unknown child | child link="tool" | child link="tol" | ModelError | did you mean
 no parent | <parent link="hand"/> |  | ModelError | has no <parent>
 two parents elements | <parent link="hand"/> | <parent link="hand"/><parent link="hand"/> | ModelError | 2 <parent>
 parent without link | <parent link="hand"/> | <parent/> | ModelError | needs the attribute link
-self-parent | parent link="hand" | parent link="tool" | ModelError | circle
+self-parent | parent link="hand" | parent link="tool" | ModelError | joint 'mount' joins link 'tool' to itself
 cycle | parent link="base" | parent link="hand" | ModelError | circle
 island | </robot> | <link name="island"/></robot> | ModelError | 'base', 'island'
 default namespace | <robot  | <robot xmlns="http://a"  | ModelError | is no URDF

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import gzip
 import importlib.util
 import os
 import sys
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -13,6 +15,7 @@ from typer.testing import CliRunner
 
 import rbimpedance as rbi
 from rbimpedance.cli.app import app
+from rbimpedance.robot.loading import robot_sources
 from rbimpedance.robot.loading.robot_sources import bundled_names, bundled_urdf, read_source
 
 from ..arms import spinner_urdf
@@ -61,7 +64,7 @@ def test_byte_order_mark_is_no_fault(tmp_path: Path) -> None:
 def test_size_of_a_file_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "long.urdf"
     path.write_text(spinner_urdf())
-    monkeypatch.setattr("rbimpedance.robot.loading.robot_sources.MAX_CHARACTERS", 100)
+    monkeypatch.setattr("rbimpedance.robot.loading.robot_text.MAX_CHARACTERS", 100)
     with pytest.raises(rbi.ModelError, match="more than 100 bytes"):
         rbi.load_robot(path)
 
@@ -93,6 +96,127 @@ def test_xacro_that_fails_says_why(
     with pytest.raises(rbi.ModelError, match=message):
         rbi.load_robot(path)
     assert capfd.readouterr() == ("", "")
+
+
+ARM_OF_ARGUMENTS = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
+<xacro:arg name="mass" default="1"/><xacro:include filename="$(find {})/links.xacro"/>
+<xacro:links mass="$(arg mass)"/>
+<joint name="$(arg joint)" type="continuous"><parent link="base"/><child link="tool"/></joint></robot>"""
+LINKS = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro name="links" params="mass">
+<link name="base"/><link name="tool"><inertial><origin xyz="1 0 0"/><mass value="${mass}"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></xacro:macro></robot>"""
+
+
+@pytest.fixture
+def workspace(tmp_path: Path) -> Path:
+    """A folder with the package `parts` two levels down, and a file elsewhere that needs it."""
+    parts = tmp_path / "work" / "src" / "a_repository" / "folder_of_parts"
+    parts.mkdir(parents=True)
+    (parts / "package.xml").write_text("<package><name>parts</name></package>")
+    (parts / "links.xacro").write_text(LINKS)
+    alone = tmp_path / "alone"
+    alone.mkdir()
+    (alone / "arm.urdf.xacro").write_text(ARM_OF_ARGUMENTS.format("parts"))
+    return tmp_path
+
+
+def test_arguments_and_package_folders_reach_xacro(workspace: Path) -> None:
+    arm = rbi.load_robot(
+        workspace / "alone" / "arm.urdf.xacro",
+        xacro_args={"joint": "shoulder", "mass": 2.5},
+        package_dirs=workspace / "work",
+    )
+    assert arm.joint_names == ("shoulder",)
+    assert arm.model.inertias[1].mass == 2.5
+
+
+@pytest.mark.parametrize("variable", ["ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"])
+def test_packages_of_the_ros_environment_are_found(
+    variable: str, workspace: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, place = workspace / "alone" / "arm.urdf.xacro", workspace / "work"
+    with pytest.raises(rbi.ModelError, match=r"'parts' is not found; .*package_dirs="):
+        rbi.load_robot(path, xacro_args={"joint": "a"})
+    if variable == "AMENT_PREFIX_PATH":
+        installed = workspace / "install" / "share" / "parts"
+        installed.mkdir(parents=True)
+        (installed / "links.xacro").write_text(LINKS)
+        place = workspace / "install"
+    monkeypatch.setenv(variable, str(place))
+    assert rbi.load_robot(path, xacro_args={"joint": "a"}).joint_names == ("a",)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (
+            {},
+            r"argument 'joint' has no default; give it with xacro_args=.*--xacro-arg joint:=VALUE",
+        ),
+        (
+            {"joint": "a", "mas": 2},
+            r"does not ask for the argument 'mas' \(it asks for: (joint, )?mass",
+        ),
+        ({"joint": ["a"]}, "'joint' takes a text, a number or a truth value"),
+        ([1, 2], "xacro_args= takes values by name"),
+    ],
+)
+def test_wrong_arguments_of_xacro_are_named(
+    arguments: dict[str, object], words: str, workspace: Path
+) -> None:
+    path = workspace / "alone" / "arm.urdf.xacro"
+    with pytest.raises(rbi.ModelError, match=words):
+        rbi.load_robot(path, xacro_args=arguments, package_dirs=workspace / "work")
+
+
+def test_arguments_for_what_is_no_xacro_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text(spinner_urdf())
+    for source in (path, spinner_urdf(), "two_link"):
+        with pytest.raises(rbi.ModelError, match=r"xacro_args= is for \.xacro files"):
+            rbi.load_robot(source, xacro_args={"a": 1})
+
+
+def test_file_that_only_defines_macros_is_told_so(tmp_path: Path) -> None:
+    path = tmp_path / "links.xacro"
+    path.write_text(LINKS)
+    with pytest.raises(rbi.ModelError, match=r"only defines macros \('links'\).*file that calls"):
+        rbi.load_robot(path)
+
+
+def test_module_of_robot_descriptions_brings_its_arguments_and_packages(
+    workspace: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = ModuleType("robot_descriptions.toy_description")
+    module.__dict__.update(
+        XACRO_PATH=str(workspace / "alone" / "arm.urdf.xacro"),
+        XACRO_ARGS={"joint": "elbow", "not_asked_for": "x"},
+        XACRO_PACKAGE_PATHS={"parts": str(workspace / "work/src/a_repository/folder_of_parts")},
+        PACKAGE_PATH=str(workspace / "alone"),
+        REPOSITORY_PATH=str(workspace / "alone"),
+    )
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setattr(robot_sources, "_description_modules", lambda: ("toy_description",))
+    assert rbi.load_robot("toy_description").joint_names == ("elbow",)
+    arm = rbi.load_robot("toy_description", xacro_args={"joint": "knee"})
+    assert arm.joint_names == ("knee",)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:1\n", "Git LFS.*git lfs pull"),
+        (gzip.compress(b"<robot/>"), "compressed by gzip: unpack it with gunzip"),
+        (b"PK\x03\x04rest", "is a ZIP archive"),
+    ],
+)
+def test_what_a_download_leaves_in_place_of_a_description_is_named(
+    content: bytes, words: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_bytes(content)
+    with pytest.raises(rbi.ModelError, match=words):
+        rbi.load_robot(path)
 
 
 def test_xacro_that_takes_too_long_is_stopped(

@@ -50,6 +50,49 @@ def test_text_that_is_no_xml_is_refused(text: str) -> None:
         read_xml(text, "the text")
 
 
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("<robot>\n<link>\n</robot>", r"line 3, column 9: </robot> closes <link> of line 2$"),
+        ("<robot>", "line 1, column 8: the file ends before every tag is closed"),
+        ("<robot name=a/>", "the value of an attribute is not in quotes.*near: <robot name=a/>"),
+        ('<robot name="a name="b"/>', "a space or a quote is missing between two attributes"),
+        ('<robot name="a" name="b"/>', "an attribute is given twice"),
+        ('<robot name="r&d"/>', "write &amp; for the character &"),
+        ("<robot/><robot/>", "something stands behind the end of the root element"),
+        ("<robot>&nbsp;</robot>", "only the entities &lt; &gt;"),
+        ("<a>" * 300 + "</a>" * 300, "it nests elements deeper than 64: that is no URDF"),
+        ("just words", "there is no element in it"),
+    ],
+)
+def test_fault_of_the_xml_is_said_in_words_of_xml_with_its_place(text: str, words: str) -> None:
+    with pytest.raises(rbi.ModelError, match=words) as caught:
+        read_xml(text, "the text")
+    for raw in ("libxml2", "XML_PARSE", "EntityRef", "AttValue", "<string>", "tag mismatch"):
+        assert raw not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["<!DOCTYPE html>\n<html/>", "<html lang='en'/>", "<HTML/>"])
+def test_web_page_is_told_from_a_description(text: str) -> None:
+    with pytest.raises(rbi.ModelError, match=r"is a web page \(HTML\).*download the raw file"):
+        read_xml(text, "the text")
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        "<gazebo><controller:plugin filename='a.so'/></gazebo>",
+        "<gazebo reference='a'><params>$(find pkg)/a.yaml</params></gazebo>",
+        "<ros2_control name='x'><param name='p'>${prefix}a</param></ros2_control>",
+        "<transmission name='t'><joint name=' nobody '/><mass value='heavy'/></transmission>",
+        "<gazebo>" + "<a>" * 100 + "</a>" * 100 + "</gazebo>",
+    ],
+)
+def test_parts_outside_the_kinematics_are_dropped(part: str) -> None:
+    root = read_xml(f"<robot><link name='a'/>{part}</robot>", "the text")
+    assert [child.tag for child in root] == ["link"]
+
+
 def test_lone_surrogate_is_refused() -> None:
     with pytest.raises(rbi.ModelError, match="not well-formed"):
         read_xml('<robot name="\ud800"/>', "the text")
@@ -95,9 +138,9 @@ def test_tags_and_attributes_are_bounded(monkeypatch: pytest.MonkeyPatch) -> Non
         '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="a"/></robot>',
         '<robot xmlns:x="http://ros.org/wiki/xacro"><x:macro/></robot>',
         '<robot><xacro:include filename="a"/></robot>',
-        '<robot><mass value="${2*m}"/></robot>',
-        '<robot><mesh filename="$(find pkg)/a.stl"/></robot>',
-        "<robot><name>${name}</name></robot>",
+        '<robot><link><mass value="${2*m}"/></link></robot>',
+        '<robot><link><mesh filename="$(find pkg)/a.stl"/></link></robot>',
+        "<robot><link>${name}</link></robot>",
     ],
 )
 def test_xacro_that_is_not_expanded_is_named(text: str) -> None:

@@ -1,18 +1,23 @@
-"""Meshes and materials as yourdfpy reads them."""
+"""Mesh files, and links and joints as another library reads them."""
 
 from __future__ import annotations
 
+import io
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import yourdfpy
 
 import rbimpedance as rbi
-from rbimpedance.robot.loading import urdf_appearance
-from rbimpedance.robot.loading.robot_sources import RobotText
-from rbimpedance.robot.loading.urdf_appearance import Appearance, find_mesh, read_appearance
+from rbimpedance.robot.loading.robot_sources import read_source
+from rbimpedance.robot.loading.robot_text import RobotText
+from rbimpedance.robot.loading.urdf_appearance import find_mesh
+from rbimpedance.robot.loading.urdf_reader import parse_urdf
 
-from ..arms import mimic_urdf, spinner_urdf, urdf
+from ..arms import spinner_urdf, urdf
 
 MESH = '<visual><geometry><mesh filename="{}"/></geometry>{}</visual>'
 
@@ -23,20 +28,28 @@ def looking(address: str, material: str = "") -> str:
     )
 
 
-def test_names_and_mimics_are_read() -> None:
-    appearance = read_appearance(mimic_urdf())
-    assert appearance.links == ("base", "first", "second", "tool")
-    assert appearance.joints == ("lead", "follow", "spin")
-    assert appearance.mimicking == ("follow",)
+def by_yourdfpy(xml: str) -> tuple[set[str], set[str], set[str]]:
+    """Names of the links, the joints and the mimicking joints as yourdfpy reads them."""
+    robot = yourdfpy.URDF.load(io.BytesIO(xml.encode()), load_meshes=False).robot
+    mimics = {joint.name for joint in robot.joints if joint.mimic is not None}
+    return {link.name for link in robot.links}, {joint.name for joint in robot.joints}, mimics
 
 
-def test_meshes_and_materials_are_read() -> None:
-    text = looking("package://a/b.stl")
-    text = text.replace(
-        "</robot>", '<material name="red"><color rgba="1 0 0 1"/></material></robot>'
+@pytest.mark.parametrize("name", ["panda", "talos_arm", "baxter", "tiago"])
+def test_yourdfpy_reads_the_same_links_joints_and_mimics(name: str) -> None:
+    source = read_source(name)
+    document = parse_urdf(source.text, name)
+    links, joints, mimics = by_yourdfpy(source.text)
+    assert links == {link.name for link in document.links}
+    assert joints == {joint.name for joint in document.joints}
+    assert mimics.intersection(document.movable()) == set(document.mimics())
+
+
+def test_mesh_files_of_visuals_and_collisions_are_read_once() -> None:
+    text = looking("package://a/b.stl").replace(
+        "</visual>", '</visual><collision><geometry><mesh filename="c.stl"/></geometry></collision>'
     )
-    appearance = read_appearance(text)
-    assert (appearance.mesh_files, appearance.materials) == (("package://a/b.stl",), ("red",))
+    assert parse_urdf(text, "text").mesh_files == ("package://a/b.stl", "c.stl")
 
 
 @pytest.fixture
@@ -110,18 +123,29 @@ def test_package_begins_at_its_package_xml_or_above_the_folder_of_the_file(mesh:
     assert find_mesh(address, text) == mesh
 
 
-def test_colour_that_does_not_parse_matters_for_pictures_only() -> None:
+def test_colour_that_does_not_parse_does_not_refuse_the_arm() -> None:
     colour = '<material name="red"><color rgba="1,0,0,1"/></material>'
-    notes = rbi.load_robot(spinner_urdf(colour)).notes
-    assert [note for note in notes if "matters for pictures only" in note]
+    assert rbi.load_robot(spinner_urdf(colour)).notes == rbi.load_robot(spinner_urdf()).notes
 
 
-@pytest.mark.parametrize("lost", ["links", "joints", "mimicking"])
-def test_two_readers_must_agree(lost: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def forgetful(xml: str) -> Appearance:
-        appearance = read_appearance(xml)
-        return replace(appearance, **{lost: getattr(appearance, lost)[:-1]})
+def test_loading_a_robot_does_not_load_what_draws_it() -> None:
+    code = (
+        "import sys, rbimpedance as rbi; rbi.load_robot('panda'); print('yourdfpy' in sys.modules)"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout == "False\n"
 
-    monkeypatch.setattr(urdf_appearance, "read_appearance", forgetful)
-    with pytest.raises(rbi.ModelError, match="read in one way and not in another"):
-        rbi.load_robot(mimic_urdf())
+
+def test_file_address_with_an_empty_host_is_found(mesh: Path) -> None:
+    text = RobotText("", "", folder=mesh.parents[1])
+    assert find_mesh(f"file:///{mesh}", text) == mesh
+
+
+def test_mesh_of_a_package_that_the_environment_names_is_found(
+    mesh: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    address, text = "package://toy/meshes/hand.stl", RobotText("", "")
+    assert find_mesh(address, text) is None
+    (mesh.parents[1] / "package.xml").write_text("<package><name>toy</name></package>")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(mesh.parents[3]))  # a workspace above it
+    assert find_mesh(address, text) == mesh

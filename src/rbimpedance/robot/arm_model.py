@@ -500,6 +500,8 @@ class ArmModel:
             q = vector(name, q, self.nq, "nq")
         except DimensionError as error:
             hint = f"a configuration of '{self.name}' has nq = {self.nq} (nv = {self.nv})"
+            if self.nq != self.nv and np.shape(q) == (self.nv,):
+                hint += "; arm.integrate(arm.zero, q) makes one of joint positions"
             raise DimensionError(name, f"{error.expected}; {hint}", error.actual) from None
         if self.nq != self.nv and not pin.isNormalized(self.raw_dynamics.model, q, 1e-6):
             raise DimensionError(

@@ -21,9 +21,10 @@ from .description import Description
 from .loading.joint_selection import joints_to_lock, locked_positions
 from .loading.model_building import build_model, checked_copy
 from .loading.repair import repair_names
-from .loading.robot_sources import RobotText, folders_of, read_source
+from .loading.robot_sources import read_source
+from .loading.robot_text import RobotText, folders_of
 from .loading.soundness import check_inertia, check_mass, massless_joints
-from .loading.urdf_appearance import appearance_notes
+from .loading.urdf_appearance import mesh_notes
 from .loading.urdf_document import listed
 from .loading.urdf_reader import FARTHEST_LIMIT, parse_urdf
 from .loading.wording import printable
@@ -45,6 +46,7 @@ def load_robot(
     armature: ArrayLike | None = None,
     massless: bool = False,
     package_dirs: str | Path | Sequence[str | Path] = (),
+    xacro_args: Mapping[str, object] | None = None,
     repair: bool | str | Iterable[str] = False,
 ) -> ArmModel:
     """Load a robot and check it on the way in.
@@ -67,7 +69,10 @@ def load_robot(
             `pinocchio.Model` carries.
         massless: True accepts joints that move links without mass. Their gravity torque is 0 in the model, so that the
             controller does not hold the real links; `notes` name the joints. They need `armature`.
-        package_dirs: Folders in which `package://` addresses of meshes are looked up.
+        package_dirs: Folders that hold ROS packages: for `package://` addresses of meshes, and for $(find package) in
+            xacro files. The file's own package and its neighbours, AMENT_PREFIX_PATH and ROS_PACKAGE_PATH follow.
+        xacro_args: Arguments of a xacro file by name, as in `xacro file.xacro name:=value`. A module of
+            robot_descriptions brings its own, which these replace.
         repair: True mends defects of a document that have one obvious mend; names of `loading.repair.REPAIRS` mend
             those only. What was mended stands in `notes`.
 
@@ -91,7 +96,7 @@ def load_robot(
             robot = _from_model(source, joints, lock, values)
     else:
         with error_context(""):
-            text = read_source(source, package_dirs, repairs)
+            text = read_source(source, package_dirs, repairs, xacro_args)
         origin = text.origin
         with error_context(origin):
             robot = _from_text(text, joints, lock, values, repairs)
@@ -275,8 +280,8 @@ def _from_text(
         locked=locked,
         values=locked_positions(document, locked, values),
         link_order=tuple(link.name for link in document.links),
-        rotors=text.rotors,
-        notes=(*text.notes, *document.notes(), *appearance_notes(document, text)),
+        rotors=text.srdf if text.has_rotors else None,
+        notes=(*text.notes, *document.notes(), *mesh_notes(document.mesh_files, text)),
         description=Description(document.xml, text.folder, text.package_dirs),
         is_named=text.name is not None,
         floats=text.floating,

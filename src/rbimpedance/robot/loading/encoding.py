@@ -14,6 +14,16 @@ _MARKS = (  # longest first: that of UTF-16 begins that of UTF-32
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
+_OTHERS = (  # what downloads leave in place of a description
+    (
+        b"version https://git-lfs.github.com/",
+        "is a Git LFS pointer, not the file itself: run `git lfs pull` in its repository",
+    ),
+    (b"\x1f\x8b", "is compressed by gzip: unpack it with gunzip"),
+    (b"BZh", "is compressed by bzip2: unpack it with bunzip2"),
+    (b"\xfd7zXZ", "is compressed by xz: unpack it with unxz"),
+    (b"PK\x03\x04", "is a ZIP archive: unpack it"),
+)
 _DECLARED = re.compile(rb"""<\?xml[^>]{0,200}?encoding\s*=\s*["']([A-Za-z0-9._-]{1,40})["']""")
 _TEXT_CODECS = ("utf-16", "utf-32", "iso8859-1", "iso8859-15", "cp1252", "ascii")
 
@@ -27,8 +37,12 @@ def decoded(content: bytes, what: str, repair: Collection[str]) -> tuple[str, tu
         repair: Whether "encoding" is among the repairs that are asked for.
 
     Raises:
-        ModelError: The bytes are not UTF-8, and no repair was asked for or none is obvious.
+        ModelError: The bytes are those of an archive or a Git LFS pointer, or not UTF-8, and no repair was asked for or
+            none is obvious.
     """
+    for start, fault in _OTHERS:
+        if content.startswith(start):
+            raise ModelError(f"{what} {fault}")
     try:
         return content.decode("utf-8-sig"), ()
     except UnicodeDecodeError as error:

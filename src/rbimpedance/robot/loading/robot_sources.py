@@ -8,64 +8,37 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-import os
 import pkgutil
-import stat
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ..._common.suggestions import suggest
 from ...exceptions import MissingExtraError, ModelError
-from .encoding import decoded
-from .strict_xml import MAX_CHARACTERS
+from .robot_text import SUFFIXES, Reading, RobotText, folders_of, is_file, read_path
 from .wording import shortened
-from .xacro_expansion import expand_xacro
+from .xacro_expansion import xacro_arguments
 
-_SUFFIXES = (".urdf", ".xacro", ".xml")
 _KINDS_OF_SOURCE = (
     "a source is a path to a .urdf or .xacro file, the XML text itself, the name of a robot that is bundled or comes "
     "with example-robot-data or robot_descriptions, a yourdfpy.URDF, a pinocchio.Model or a RobotWrapper"
 )
 
 
-@dataclass(frozen=True)
-class RobotText:
-    """The text of a URDF and where it came from.
-
-    Attributes:
-        text: The XML text, raw_dynamics.
-        origin: Where it came from, for errors.
-        name: Name of the robot where the source gives one; else the document's own is used.
-        folder: Folder that relative mesh files refer to; None for text.
-        package_dirs: Folders in which `package://` addresses are looked up.
-        floating: The source sees the robot on a floating base.
-        rotors: SRDF file with the rotors' inertias, if there is one.
-        notes: What is worth saying about the source.
-    """
-
-    text: str
-    origin: str
-    name: str | None = None
-    folder: Path | None = None
-    package_dirs: tuple[Path, ...] = ()
-    floating: bool = False
-    rotors: Path | None = None
-    notes: tuple[str, ...] = ()
-
-
 def read_source(
     source: object,
     package_dirs: str | Path | Sequence[str | Path] = (),
     repair: Collection[str] = (),
+    xacro_args: Mapping[str, object] | None = None,
 ) -> RobotText:
     """Find and read the description that a source means.
 
     Args:
         source: Path, XML text, name, or a `yourdfpy.URDF`.
-        package_dirs: Folders in which `package://` addresses are looked up.
+        package_dirs: Folders in which `package://` addresses and $(find package) are looked up.
         repair: Names of the `REPAIRS` to make; "encoding" is made here.
+        xacro_args: Values of a xacro file's arguments.
 
     Returns:
         The description's text.
@@ -74,27 +47,14 @@ def read_source(
         ModelError: There is no such file or name, or it cannot be read.
         MissingExtraError: A robot_descriptions name without that package installed.
     """
-    folders = folders_of(package_dirs)
+    reading = Reading(folders_of(package_dirs), repair, xacro_arguments(xacro_args))
     if isinstance(source, Path):
-        return _read_path(source, folders, repair)
+        return read_path(source, reading)
     if isinstance(source, str):
-        return _read_string(source, folders, repair)
+        return _read_string(source, reading)
     if hasattr(source, "write_xml_string"):
-        return _read_yourdfpy(source, folders)
+        return _read_yourdfpy(source, reading)
     raise ModelError(f"cannot load a robot from a {type(source).__name__}; {_KINDS_OF_SOURCE}")
-
-
-def folders_of(package_dirs: str | Path | Sequence[str | Path]) -> tuple[Path, ...]:
-    """Return the folders that `package_dirs=` names.
-
-    Raises:
-        ModelError: It names none.
-    """
-    try:
-        named = (package_dirs,) if isinstance(package_dirs, (str, Path)) else package_dirs
-        return tuple(Path(folder) for folder in named)
-    except TypeError as error:
-        raise ModelError(f"package_dirs= takes folders, got {package_dirs!r}") from error
 
 
 def runs_as_program(source: str) -> bool:
@@ -137,20 +97,20 @@ def _bundled_folder() -> Path:
     return inside if inside.is_dir() else package.parent.parent / "urdf"
 
 
-def _read_string(source: str, folders: tuple[Path, ...], repair: Collection[str]) -> RobotText:
+def _read_string(source: str, reading: Reading) -> RobotText:
     if source.lstrip("\ufeff \t\r\n").startswith("<"):
-        return RobotText(source, "the XML text", package_dirs=folders)
-    if Path(source).suffix.lower() in _SUFFIXES or "/" in source or "\\" in source:
-        return _read_path(Path(source), folders, repair)
+        return RobotText(_plain(source, reading), "the XML text", package_dirs=reading.folders)
+    if Path(source).suffix.lower() in SUFFIXES or "/" in source or "\\" in source:
+        return read_path(Path(source), reading)
     if source in bundled_names():
-        path = bundled_urdf(source)
-        return RobotText(_read_text(path)[0], f"'{source}'", source, path.parent, folders)
+        text = read_path(bundled_urdf(source), reading)
+        return replace(text, origin=f"'{source}'", name=source)
     if source in _example_robots():
-        return _read_example_robot(source, folders)
+        return _read_example_robot(source, reading)
     if source in _description_modules():
-        return _read_robot_description(source, folders)
-    if _is_file(Path(source)):
-        return _read_path(Path(source), folders, repair)
+        return _read_robot_description(source, reading)
+    if is_file(Path(source)):
+        return read_path(Path(source), reading)
     if source.endswith("_description") and importlib.util.find_spec("robot_descriptions") is None:
         raise MissingExtraError(
             f"the robot_descriptions name '{shortened(source)}'", "descriptions"
@@ -160,69 +120,19 @@ def _read_string(source: str, folders: tuple[Path, ...], repair: Collection[str]
     )
 
 
-def _read_path(path: Path, folders: tuple[Path, ...], repair: Collection[str] = ()) -> RobotText:
-    text, notes = _read_text(path, repair)
-    if path.suffix.lower() == ".xacro":
-        text = expand_xacro(path, text)
-    return RobotText(text, f"'{path.name}'", None, path.absolute().parent, folders, notes=notes)
+def _plain(text: str, reading: Reading) -> str:
+    if reading.xacro_args:
+        raise ModelError("xacro_args= is for .xacro files: only a file is expanded, not XML text")
+    return text
 
 
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):
-        return False
-
-
-def _read_text(path: Path, repair: Collection[str] = ()) -> tuple[str, tuple[str, ...]]:
-    """Read a regular file of bounded size, and say what was repaired; devices and pipes are never opened."""
-    try:
-        _check_regular(path, path.stat())
-        content = _read_bytes(path)
-    except ModelError:
-        raise
-    except FileNotFoundError as error:
-        raise ModelError(f"there is no file '{path}'{_neighbours(path)}") from error
-    except (OSError, ValueError) as error:
-        raise ModelError(f"'{path}' cannot be read: {error}") from error
-    if len(content) > MAX_CHARACTERS:
-        raise ModelError(f"'{path}' has more than {MAX_CHARACTERS} bytes: that is no URDF")
-    return decoded(content, f"'{path}'", repair)
-
-
-def _read_bytes(path: Path) -> bytes:
-    """Read a file that may have changed into a pipe or device meanwhile, without waiting for it."""
-    with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
-        _check_regular(path, os.fstat(file.fileno()))
-        return file.read(MAX_CHARACTERS + 1) or b""
-
-
-def _check_regular(path: Path, status: os.stat_result) -> None:
-    if not stat.S_ISREG(status.st_mode):
-        kind = "a folder" if stat.S_ISDIR(status.st_mode) else "not a regular file"
-        raise ModelError(f"'{path}' is {kind}; give the path of a .urdf or .xacro file")
-
-
-def _neighbours(path: Path) -> str:
-    """Suggest robot files of the same folder."""
-    try:
-        files = [file.name for file in path.parent.iterdir() if file.suffix.lower() in _SUFFIXES]
-    except (OSError, ValueError):
-        return f": there is no folder '{path.parent}'"
-    return suggest(path.name, files) if files else ""
-
-
-def _read_yourdfpy(urdf: Any, folders: tuple[Path, ...]) -> RobotText:
+def _read_yourdfpy(urdf: Any, reading: Reading) -> RobotText:
     try:
         text = urdf.write_xml_string()
         text = text.decode() if isinstance(text, bytes) else str(text)
     except Exception as error:
         raise ModelError(f"yourdfpy cannot write this URDF out: {error}") from error
-    return RobotText(
-        text,
-        "the yourdfpy.URDF",
-        package_dirs=folders,
-    )
+    return RobotText(_plain(text, reading), "the yourdfpy.URDF", package_dirs=reading.folders)
 
 
 def _example_robots() -> dict[str, Any]:
@@ -234,7 +144,7 @@ def _example_robots() -> dict[str, Any]:
     return dict(module.ROBOTS)
 
 
-def _read_example_robot(name: str, folders: tuple[Path, ...]) -> RobotText:
+def _read_example_robot(name: str, reading: Reading) -> RobotText:
     loader = _example_robots()[name]
     if not loader.urdf_filename:
         raise ModelError(
@@ -249,21 +159,26 @@ def _read_example_robot(name: str, folders: tuple[Path, ...]) -> RobotText:
         raise ModelError(
             f"the files of '{name}' are not there ({error}): install example-robot-data beside its loaders"
         ) from error
-    notes: tuple[str, ...] = ()
-    if loader.__init__ is not data.RobotLoader.__init__:
-        notes = (
-            "example-robot-data changes this robot in code after reading; here its file stands as it is",
-        )
-    rotors = models / loader.path / loader.srdf_subpath / loader.srdf_filename
-    return RobotText(
-        text=_read_text(models / file)[0],
+    text = read_path(models / file, replace(reading, repair=()))
+    srdf = models / loader.path / loader.srdf_subpath / (loader.srdf_filename or "none")
+    return replace(
+        text,
         origin=f"'{name}' of example-robot-data",
         name=name,
-        folder=(models / file).parent,
-        package_dirs=(*folders, models.parent.parent),
+        package_dirs=(*reading.folders, models.parent.parent),
         floating=loader.free_flyer,
-        rotors=rotors if loader.has_rotor_parameters else None,
-        notes=notes,
+        srdf=srdf if is_file(srdf) else None,
+        posture=loader.ref_posture,
+        has_rotors=loader.has_rotor_parameters,
+        notes=_changed_in_code(loader, data),
+    )
+
+
+def _changed_in_code(loader: Any, data: Any) -> tuple[str, ...]:
+    if loader.__init__ is data.RobotLoader.__init__:
+        return ()
+    return (
+        "example-robot-data changes this robot in code after reading; here its file stands as it is",
     )
 
 
@@ -280,7 +195,7 @@ def _description_modules() -> tuple[str, ...]:
     )
 
 
-def _read_robot_description(name: str, folders: tuple[Path, ...]) -> RobotText:
+def _read_robot_description(name: str, reading: Reading) -> RobotText:
     try:
         module = importlib.import_module(f"robot_descriptions.{name}")  # clones a repository
     except Exception as error:
@@ -292,7 +207,19 @@ def _read_robot_description(name: str, folders: tuple[Path, ...]) -> RobotText:
         raise ModelError(f"'{name}' of robot_descriptions holds no URDF")
     roots = [getattr(module, key, None) for key in ("PACKAGE_PATH", "REPOSITORY_PATH")]
     packages = [place for root in roots if root for place in (Path(root).parent, Path(root))]
-    text = _read_path(Path(path), (*folders, *packages))
-    return RobotText(
-        text.text, f"'{name}' of robot_descriptions", name, text.folder, text.package_dirs
+    text = read_path(
+        Path(path),
+        replace(
+            reading,
+            folders=(*reading.folders, *packages),
+            xacro_defaults=xacro_arguments(getattr(module, "XACRO_ARGS", None)),
+            packages=dict(getattr(module, "XACRO_PACKAGE_PATHS", {})),
+        ),
+    )
+    srdf = getattr(module, "SRDF_PATH", None)
+    return replace(
+        text,
+        origin=f"'{name}' of robot_descriptions",
+        name=name,
+        srdf=text.srdf if srdf is None else Path(srdf),
     )

@@ -8,12 +8,10 @@ from lxml import etree
 
 from ...exceptions import ModelError
 from .wording import shortened
+from .xml_faults import MAX_DEPTH, explained
 
 MAX_CHARACTERS = 8 * 1024 * 1024
 """Longest text that is read; the largest robot of example-robot-data has 0.2 million characters."""
-
-MAX_DEPTH = 64
-"""Deepest nesting of elements that is read."""
 
 MAX_TAGS = 200_000
 """Most tags that are read; the largest robot of example-robot-data has 6 thousand."""
@@ -32,6 +30,8 @@ NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 _LONGEST_NUMBERS = 1000  # characters of an attribute that holds numbers
 _SPACE = re.compile(r"\s*")
+_HTML = re.compile(r"(<!doctype\s+html|<html)\b", re.IGNORECASE)
+_PARTS = ("link", "joint", "material", "rbimpedance")  # of a <robot>, as far as they are read
 _XACRO = (
     "This is xacro that has not been expanded: give the .xacro file itself, or expand it with "
     "`xacro file.xacro > robot.urdf`"
@@ -40,6 +40,8 @@ _XACRO = (
 
 def read_xml(text: str, origin: str) -> etree._Element:
     """Parse XML text strictly: bounded in size and depth, no doctype, no entities, no network, no xacro.
+
+    Of a <robot>, only what says how it moves and looks is kept: its links, joints and materials, and <rbimpedance>.
 
     Args:
         text: The XML text.
@@ -54,10 +56,37 @@ def read_xml(text: str, origin: str) -> etree._Element:
     text = text.lstrip("\ufeff \t\r\n")
     if len(text) > MAX_CHARACTERS:
         raise ModelError(f"{origin} has more than {MAX_CHARACTERS} characters: that is no URDF")
+    if _HTML.match(text):
+        raise ModelError(
+            f"{origin} is a web page (HTML), not a URDF: download the raw file, not the page that shows it"
+        )
     if has_doctype(text):
         raise ModelError(f"{origin} declares a DOCTYPE; a URDF needs none: remove it")
     _check_size(text, origin)
-    parser = etree.XMLParser(
+    root = _parsed(text, origin)
+    if root.tag == "robot":
+        _drop_what_does_not_move(root)
+    _check_elements(root, origin)
+    return root
+
+
+def _parsed(text: str, origin: str) -> etree._Element:
+    parser = _parser()
+    try:
+        content = text.encode()
+        return etree.fromstring(content, parser)
+    except UnicodeEncodeError as error:
+        raise ModelError(f"{origin} is not well-formed XML: it holds half a character") from error
+    except etree.XMLSyntaxError as error:
+        if _lacks_namespaces_only(parser):  # <gazebo> parts use prefixes that nothing declares
+            return etree.fromstring(content, _parser(recover=True))
+        raise ModelError(
+            f"{origin} is not well-formed XML: {explained(parser.error_log, text)}"
+        ) from error
+
+
+def _parser(*, recover: bool = False) -> etree.XMLParser:
+    return etree.XMLParser(
         encoding="utf-8",
         resolve_entities=False,
         load_dtd=False,
@@ -65,15 +94,19 @@ def read_xml(text: str, origin: str) -> etree._Element:
         huge_tree=False,
         remove_comments=True,
         remove_pis=True,
+        recover=recover,
     )
-    try:
-        root = etree.fromstring(text.encode(), parser)
-    except (etree.XMLSyntaxError, UnicodeEncodeError) as error:
-        hint = f". {_XACRO}" if "prefix xacro" in str(error) else ""
-        reason = shortened(str(error), 300)
-        raise ModelError(f"{origin} is not well-formed XML: {reason}{hint}") from error
-    _check_elements(root, origin)
-    return root
+
+
+def _lacks_namespaces_only(parser: etree.XMLParser) -> bool:
+    undeclared = etree.ErrorTypes.NS_ERR_UNDEFINED_NAMESPACE
+    return len(parser.error_log) > 0 and all(e.type == undeclared for e in parser.error_log)
+
+
+def _drop_what_does_not_move(root: etree._Element) -> None:
+    """Drop what describes neither motion nor looks (<gazebo>, <transmission>, <ros2_control>, ...)."""
+    for element in [child for child in root if child.tag not in _PARTS and not _is_xacro(child)]:
+        root.remove(element)
 
 
 def has_doctype(text: str) -> bool:
@@ -108,10 +141,14 @@ def _check_elements(root: etree._Element, origin: str) -> None:
         if depth > MAX_DEPTH:
             raise ModelError(f"{origin} nests elements deeper than {MAX_DEPTH}: that is no URDF")
         strings = (element.text or "", *element.attrib.values())
-        if "wiki/xacro" in str(element.tag) or any("${" in s or "$(" in s for s in strings):
+        if _is_xacro(element) or any("${" in s or "$(" in s for s in strings):
             line = element.sourceline
-            tag = shortened(etree.QName(element).localname)
+            tag = shortened(str(element.tag).rpartition("}")[2])
             raise ModelError(f"{origin}, line {line}: <{tag}>. {_XACRO}")
+
+
+def _is_xacro(element: etree._Element) -> bool:
+    return "wiki/xacro" in str(element.tag) or str(element.tag).startswith("xacro:")
 
 
 def name_of(element: etree._Element) -> str:

@@ -1,4 +1,4 @@
-"""What a URDF says beside dynamics, read by yourdfpy: shapes, meshes, colours. Nothing here decides about dynamics."""
+"""What a URDF says beside dynamics: shapes and colours, read by yourdfpy when pictures ask for them, and mesh files."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ import numpy as np
 
 from ..._common.arrays import Array
 from ...exceptions import ModelError
-from .robot_sources import RobotText
-from .urdf_document import UrdfDocument, listed
+from .packages import Packages
+from .robot_text import RobotText
+from .urdf_document import listed
 from .wording import shortened
 
 MAX_MESHES = 1000
@@ -78,44 +79,6 @@ class Shape:
     color: RGBA | None
 
 
-@dataclass(frozen=True)
-class Appearance:
-    """What yourdfpy finds in a document.
-
-    Attributes:
-        links: Names of the links.
-        joints: Names of the joints.
-        mimicking: Names of the joints with a <mimic> element.
-        materials: Names of the materials.
-        mesh_files: Addresses of the mesh files as written.
-    """
-
-    links: tuple[str, ...]
-    joints: tuple[str, ...]
-    mimicking: tuple[str, ...]
-    materials: tuple[str, ...]
-    mesh_files: tuple[str, ...]
-
-
-def read_appearance(xml: str) -> Appearance:
-    """Read a document with yourdfpy, without loading meshes.
-
-    Args:
-        xml: The document as `read_xml` accepted it.
-
-    Raises:
-        ModelError: yourdfpy cannot read it.
-    """
-    robot = _read(xml)
-    return Appearance(
-        links=tuple(link.name for link in robot.links),
-        joints=tuple(joint.name for joint in robot.joints),
-        mimicking=tuple(joint.name for joint in robot.joints if joint.mimic is not None),
-        materials=tuple(material.name for material in robot.materials),
-        mesh_files=tuple(dict.fromkeys(_mesh_files(robot))),
-    )
-
-
 def read_shapes(xml: str) -> tuple[Shape, ...]:
     """Read the visual and collision shapes of all links, in the order of the document.
 
@@ -136,7 +99,7 @@ def read_shapes(xml: str) -> tuple[Shape, ...]:
     )
 
 
-def find_mesh(address: str, text: Origin) -> Path | None:
+def find_mesh(address: str, text: Origin, packages: Packages | None = None) -> Path | None:
     """Return the file that a mesh address means, or None where there is none.
 
     Only files that are called like meshes are found, and only inside `package_dirs`, the document's package (the
@@ -146,46 +109,33 @@ def find_mesh(address: str, text: Origin) -> Path | None:
     Args:
         address: As written: `package://name/...`, `file://...`, or a path relative to the document.
         text: Where the document came from.
+        packages: Where packages are; kept from call to call, it searches each folder once.
     """
     scheme, _, rest = address.rpartition("://")
-    above = () if text.folder is None else (text.folder, *text.folder.parents)
-    places: list[tuple[Path, tuple[Path, ...]]] = []
     if scheme == "package":
-        name, _, path = rest.partition("/")
-        for folder in (*text.package_dirs, *above) if name and path else ():
-            places += [(folder / rest, (folder / name,)), (folder / path, (folder,))]
+        places = _in_package(rest, text, packages or Packages(text.package_dirs))
     elif scheme in ("", "file"):
+        file = "/" + rest.lstrip("/") if rest.startswith("/") else rest
         allowed = (*text.package_dirs, *_own_package(text.folder))
-        places = [(folder / rest, allowed) for folder in (*above[:1], *text.package_dirs)]
+        folders = (*(() if text.folder is None else (text.folder,)), *text.package_dirs)
+        places = iter([(folder / file, allowed) for folder in folders])
+    else:
+        return None
     plain = ((Path(os.path.normpath(place)), inside) for place, inside in places)
     return next((place for place, inside in plain if _is_mesh(place, inside)), None)
 
 
-def appearance_notes(document: UrdfDocument, text: RobotText) -> tuple[str, ...]:
-    """Hold the document against yourdfpy's reading and say which meshes are not there.
+def mesh_notes(files: Sequence[str], text: RobotText) -> tuple[str, ...]:
+    """Say which meshes are not there.
 
-    Raises:
-        ModelError: yourdfpy finds other links, joints or mimicking joints than `parse_urdf`.
+    Args:
+        files: Addresses of the mesh files as written.
+        text: Where the document came from.
     """
-    try:
-        appearance = read_appearance(document.xml)
-    except ModelError as error:
-        return (f"{shortened(str(error), 300)}: this matters for pictures only",)
-    movable = set(document.movable())
-    for kind, found, read in (
-        ("links", set(appearance.links), {link.name for link in document.links}),
-        ("joints", set(appearance.joints), {joint.name for joint in document.joints}),
-        ("mimicking joints", movable.intersection(appearance.mimicking), set(document.mimics())),
-    ):
-        if found != read:
-            names = listed(sorted(found ^ read))
-            raise ModelError(
-                f"{text.origin}: the {kind} {names} are read in one way and not in another"
-            )
-    files = appearance.mesh_files
     if len(files) > MAX_MESHES:
         return (f"{len(files)} mesh files are named; more than {MAX_MESHES} are not looked for",)
-    missing = [address for address in files if find_mesh(address, text) is None]
+    packages = Packages(text.package_dirs)
+    missing = [address for address in files if find_mesh(address, text, packages) is None]
     if not missing:
         return ()
     return (
@@ -193,6 +143,21 @@ def appearance_notes(document: UrdfDocument, text: RobotText) -> tuple[str, ...]
         f"({listed([shortened(address, 200) for address in missing], 2)}): this matters for pictures only; name their "
         "folder with package_dirs=",
     )
+
+
+def _in_package(
+    rest: str, text: Origin, packages: Packages
+) -> Iterator[tuple[Path, tuple[Path, ...]]]:
+    """Places that `package://rest` may mean, each with the folder that it must be in."""
+    name, _, path = rest.partition("/")
+    if not name or not path:
+        return
+    above = () if text.folder is None else (text.folder, *text.folder.parents)
+    for folder in (*text.package_dirs, *above):
+        yield folder / rest, (folder / name,)
+        yield folder / path, (folder,)
+    if (package := packages.find(name)) is not None:
+        yield package / path, (package,)
 
 
 def _read(xml: str) -> Any:
@@ -237,13 +202,6 @@ def _shape(link: str, is_visual: bool, element: Any, colors: dict[str, Any]) -> 
         color = colors.get(element.material.name) if own is None else own.rgba
     rgba = None if color is None else tuple(float(x) for x in np.clip(color, 0.0, 1.0))
     return Shape(link, is_visual, placement, kind, extent, mesh_file, rgba)  # type: ignore[arg-type]
-
-
-def _mesh_files(robot: Any) -> Iterator[str]:
-    for link in robot.links:
-        for shape in (*link.visuals, *link.collisions):
-            if shape.geometry is not None and shape.geometry.mesh is not None:
-                yield str(shape.geometry.mesh.filename)
 
 
 def _own_package(folder: Path | None) -> tuple[Path, ...]:

@@ -121,7 +121,8 @@ class UrdfDocument:
         joints: Joints, in the order of the document.
         gravity: Gravity that the document itself asks for, in the extension element
             `<rbimpedance><gravity xyz="0 0 -9.8"/></rbimpedance>`, [m/s²].
-        xml: The whole document as it was parsed, without comments, entities and doctype.
+        xml: Its links, joints and materials as they were parsed, with the <rbimpedance> element.
+        mesh_files: Addresses of the mesh files as written.
         repairs: What was mended on request while reading.
     """
 
@@ -129,7 +130,8 @@ class UrdfDocument:
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]
     gravity: tuple[float, ...] | None
-    xml: str
+    xml: str = ""
+    mesh_files: tuple[str, ...] = ()
     repairs: tuple[str, ...] = ()
 
     def movable(self) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ ring of links, a second parent) and goes on.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from copy import deepcopy
 from dataclasses import replace
 
@@ -30,6 +30,7 @@ from .strict_xml import (
     text_of,
 )
 from .urdf_document import MOMENTS, MOVABLE, Inertial, Joint, Link, Mimic, UrdfDocument, listed
+from .urdf_tree import check_links
 from .wording import shortened
 
 MAX_LINKS = 1000
@@ -42,8 +43,6 @@ FARTHEST_LIMIT = 1e4
 """Largest position limit that is one [rad or m]; larger ones (1e16 stands for "none" in SDF) are taken as not given."""
 
 _KINDS = (*MOVABLE, "fixed")
-_RESERVED = "universe"
-_NO_MOMENT = 1e-12  # kg·m²; smaller ones are rounding
 
 
 def parse_urdf(text: str, origin: str, repair: Collection[str] = ()) -> UrdfDocument:
@@ -65,32 +64,49 @@ def parse_urdf(text: str, origin: str, repair: Collection[str] = ()) -> UrdfDocu
         raise ModelError(
             f"{origin} is no URDF: its root element is <{shortened(str(root.tag))}>, not <robot>"
         )
+    _check_count(root, origin)
     given = deepcopy(root) if repair else root
     made = mended(root, repair)
     try:
-        return replace(_document(root), repairs=tuple(said for _, said in made))
+        document = _document(root)
     except ModelError as error:
         offer = _offered_repair(given, repair, str(error))
         raise ModelError(f"{origin}: {error}{offer}") from None
+    return replace(
+        document,
+        xml=str(etree.tostring(root, encoding="unicode")),
+        mesh_files=_mesh_files(root),
+        repairs=tuple(said for _, said in made),
+    )
+
+
+def _check_count(root: etree._Element, origin: str) -> None:
+    """Bound what time grows with, before anything is read or mended."""
+    for tag in ("link", "joint"):
+        if (count := len(root.findall(tag))) > MAX_LINKS:
+            raise ModelError(f"{origin}: {count} {tag}s; at most {MAX_LINKS} are read")
+
+
+def _mesh_files(root: etree._Element) -> tuple[str, ...]:
+    """Addresses of the meshes of all links, each once."""
+    found = (
+        mesh.get("filename")
+        for kind in ("visual", "collision")
+        for mesh in root.iterfind(f"link/{kind}/geometry/mesh")
+    )
+    return tuple(dict.fromkeys(str(address) for address in found if address is not None))
 
 
 def _document(root: etree._Element) -> UrdfDocument:
     """Read the links, joints and gravity of a <robot>, and check that they belong together."""
-    links, joints = root.findall("link"), root.findall("joint")
-    for kind, count in (("links", len(links)), ("joints", len(joints))):
-        if count > MAX_LINKS:
-            raise ModelError(f"{count} {kind}; at most {MAX_LINKS} are read")
     gravity = root.find("rbimpedance/gravity")
     document = UrdfDocument(
         name=checked_name(root.get("name") or "robot", "<robot> name"),
-        links=tuple(_read_link(element) for element in links),
-        joints=tuple(_read_joint(element) for element in joints),
+        links=tuple(_read_link(element) for element in root.iterfind("link")),
+        joints=tuple(_read_joint(element) for element in root.iterfind("joint")),
         gravity=None if gravity is None else numbers_of(gravity, "xyz", 3, "<rbimpedance>"),
-        xml=str(etree.tostring(root, encoding="unicode")),
     )
-    _check_names(document)
-    _check_tree(document)
-    _check_moments(document)
+    check_links(document)
     return document
 
 
@@ -132,6 +148,8 @@ def _read_joint(element: etree._Element) -> Joint:
     name = name_of(element)
     where = f"joint '{name}'"
     kind = element.get("type", "")
+    if not kind:
+        raise ModelError(f"{where} needs the attribute type, one of {listed(_KINDS)}")
     if kind not in _KINDS:
         near = suggest(kind[:MAX_NAME], _KINDS)
         raise ModelError(f"{where} has the unknown type '{shortened(kind)}'{near}")
@@ -229,67 +247,3 @@ def _pose(element: etree._Element, where: str) -> tuple[tuple[float, ...], tuple
     if max(map(abs, rpy)) > LARGEST_ANGLE:
         raise ModelError(f"{where}: <origin> rpy {rpy} are no angles; give them in rad")
     return numbers_of(origin, "xyz", 3, where, zero), rpy
-
-
-def _check_names(document: UrdfDocument) -> None:
-    for kind, things in (("link", document.links), ("joint", document.joints)):
-        seen: set[str] = set()
-        for thing in things:
-            if thing.name in seen:
-                raise ModelError(f"two {kind}s are called '{thing.name}'; names must be unique")
-            if thing.name == _RESERVED:
-                raise ModelError(f"the {kind} name '{thing.name}' is reserved; rename it")
-            seen.add(thing.name)
-
-
-def _check_tree(document: UrdfDocument) -> None:
-    names = [link.name for link in document.links]
-    if not names:
-        raise ModelError("there is no <link>")
-    children: dict[str, list[str]] = {name: [] for name in names}
-    parents: dict[str, str] = {}
-    for joint in document.joints:
-        for end in (joint.parent, joint.child):
-            if end not in children:
-                known = suggest(end, names)
-                raise ModelError(
-                    f"joint '{joint.name}' refers to link '{end}', which is not there{known}"
-                )
-        if joint.child in parents:
-            raise ModelError(
-                f"link '{joint.child}' is the child of two joints, '{parents[joint.child]}' and '{joint.name}'; "
-                "a URDF is a tree"
-            )
-        parents[joint.child] = joint.name
-        children[joint.parent].append(joint.child)
-    _check_connected(children, [name for name in names if name not in parents])
-
-
-def _check_connected(children: Mapping[str, list[str]], roots: list[str]) -> None:
-    if len(roots) > 1:
-        raise ModelError(
-            f"the links {listed(roots)} have no parent joint; a robot has one root link"
-        )
-    reached: set[str] = set()
-    stack = list(roots)
-    while stack:
-        name = stack.pop()
-        reached.add(name)
-        stack.extend(children[name])
-    if lost := [name for name in children if name not in reached]:
-        raise ModelError(
-            f"the joints of the links {listed(lost)} run in a circle; a robot has one root link"
-        )
-
-
-def _check_moments(document: UrdfDocument) -> None:
-    """Refuse negative moments of inertia of links that move; what cannot move has no say in the dynamics."""
-    carriers = document.carriers()
-    for link in document.links:
-        if carriers[link.name] is not None and link.inertial is not None:
-            smallest, *_, largest = link.inertial.principal()
-            if smallest < -1e-9 * abs(largest) - _NO_MOMENT:
-                raise ModelError(
-                    f"link '{link.name}': its <inertia> has the negative principal moment {smallest:.3g} kg·m²; "
-                    "the matrix must be positive semi-definite"
-                )

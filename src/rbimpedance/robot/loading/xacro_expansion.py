@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import json
+import re
 import resource
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from ...exceptions import ModelError
 from .strict_xml import MAX_CHARACTERS, has_doctype
+from .urdf_document import listed
+from .wording import shortened
 
 MAX_SECONDS = 30
 """Longest that the expansion of one file may take."""
@@ -17,53 +23,105 @@ MAX_SECONDS = 30
 MAX_MEMORY = 2 * 1024**3
 """Most memory that it may take [bytes]."""
 
-_EXPAND = """
-import sys
-sys.path[:] = sys.argv[2:]
-import xacro
-try:
-    text = xacro.process_file(sys.argv[1]).toxml()
-except BaseException as error:
-    sys.exit(f"{type(error).__name__}: {error}")
-sys.stdout.buffer.write(text.encode())
-"""
+_MACRO = re.compile(r"<xacro:macro\s[^>]{0,500}?name\s*=\s*[\"']([^\"']{1,200})")
 
 
-def expand_xacro(path: Path, text: str) -> str:
+@dataclass(frozen=True)
+class XacroSetting:
+    """What a xacro file is expanded with.
+
+    Attributes:
+        arguments: Values of its arguments by name.
+        defaults: The same, where `arguments` says nothing; the file need not know them.
+        folders: Folders in which $(find package) looks.
+        packages: Folders of packages by name.
+    """
+
+    arguments: Mapping[str, str] = field(default_factory=dict)
+    defaults: Mapping[str, str] = field(default_factory=dict)
+    folders: Sequence[Path] = ()
+    packages: Mapping[str, str] = field(default_factory=dict)
+
+
+def xacro_arguments(given: Mapping[str, object] | None) -> dict[str, str]:
+    """Return the values that `xacro_args=` gives, as text: xacro knows nothing else.
+
+    Raises:
+        ModelError: No mapping of names to numbers, texts or truth values.
+    """
+    try:
+        pairs = dict(given or {})
+    except (TypeError, ValueError) as error:
+        raise ModelError(f"xacro_args= takes values by name, got {given!r}") from error
+    for name, value in pairs.items():
+        if not isinstance(name, str) or not isinstance(value, str | bool | int | float):
+            raise ModelError(
+                f"xacro_args: '{name}' takes a text, a number or a truth value, got {value!r}"
+            )
+    return {
+        name: str(value).lower() if isinstance(value, bool) else str(value)
+        for name, value in pairs.items()
+    }
+
+
+def expand_xacro(path: Path, text: str, setting: XacroSetting | None = None) -> str:
     """Expand a xacro file. It is a program: only its time and memory are bounded, not what it reads and does.
 
     Args:
         path: The file.
         text: Its text.
+        setting: What it is expanded with.
 
     Returns:
         The text of the URDF.
 
     Raises:
-        ModelError: It declares a DOCTYPE, xacro cannot expand it, or not within the bounds.
+        ModelError: It declares a DOCTYPE, only defines macros, does not know an argument, xacro cannot expand it, or
+            not within the bounds.
     """
     if has_doctype(text):
         raise ModelError(f"'{path.name}' declares a DOCTYPE; a xacro file needs none: remove it")
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as said:
         try:
-            code = _expand(path, out.fileno(), said.fileno())
+            task = _task(path, setting or XacroSetting())
+            code = _expand(task, path.absolute().parent, out.fileno(), said.fileno())
         except OSError as error:
             raise ModelError(f"xacro cannot be started for '{path.name}': {error}") from error
         said.seek(0)
         reason = said.read(4096).decode(errors="replace").strip()
         if code:
-            raise ModelError(
-                f"xacro cannot expand '{path.name}': {reason or _killed(code)}. Where it needs ROS packages or "
-                f"arguments, expand it there with `xacro {path.name} > robot.urdf`"
-            )
+            raise ModelError(f"xacro cannot expand '{path.name}': {reason or _killed(code)}")
         out.seek(0)
-        return out.read(MAX_CHARACTERS + 1).decode(errors="replace")
+        expanded = out.read(MAX_CHARACTERS + 1).decode(errors="replace")
+    if "<link" not in expanded and (macros := _MACRO.findall(text)):
+        names = listed([shortened(macro) for macro in dict.fromkeys(macros)], 4)
+        raise ModelError(
+            f"'{path.name}' only defines macros ({names}) and builds no robot; load the file that calls them, "
+            "most often a .urdf.xacro file of the same package"
+        )
+    return expanded
 
 
-def _expand(path: Path, out: int, said: int) -> int:
+def _task(path: Path, setting: XacroSetting) -> str:
+    """The argument of `xacro_worker`."""
+    return json.dumps(
+        {
+            "file": str(path.absolute()),
+            "arguments": {**setting.defaults, **setting.arguments},
+            "use": list(setting.arguments),
+            "folders": [str(folder.absolute()) for folder in setting.folders],
+            "packages": dict(setting.packages),
+            "path": list(filter(None, sys.path)),
+        }
+    )
+
+
+def _expand(task: str, folder: Path, out: int, said: int) -> int:
     """Run xacro and return its exit code; that of `kill -9` where it took too long."""
+    worker = Path(__file__).with_name("xacro_worker.py")
     process = subprocess.Popen(
-        [sys.executable, "-I", "-c", _EXPAND, str(path.absolute()), *filter(None, sys.path)],
+        [sys.executable, "-I", str(worker), task],
+        cwd=folder,
         stdin=subprocess.DEVNULL,
         stdout=out,
         stderr=said,
