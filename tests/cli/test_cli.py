@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from rbimpedance import SimulationResult, load_robot
-from rbimpedance.cli.app import app as cli
+from rbimpedance.cli import app as cli
 from rbimpedance.simulation import scenarios
 
 from ..command_line import call
@@ -157,6 +157,23 @@ def test_inspect_says_first_that_an_arm_without_masses_has_no_gravity(
     assert call(monkeypatch, "inspect", str(path), "--armature", "0.1", "--massless") == 0
     notes = [line for line in capsys.readouterr().out.splitlines() if line.startswith("note: ")]
     assert notes[0].startswith("note: NO GRAVITY: the links that 'bare' move have no mass")
+
+
+def test_argument_of_a_xacro_file_is_passed_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = tmp_path / "arm.urdf.xacro"
+    path.write_text(
+        '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="joint" default="a"/>'
+        '<link name="base"/><link name="arm"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" '
+        'ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="$(arg joint)" type="continuous">'
+        '<parent link="base"/><child link="arm"/></joint></robot>'
+    )
+    given = ("inspect", str(path), "--json", "--xacro-arg")
+    assert call(monkeypatch, *given, "joint:=elbow") == 0
+    assert json.loads(capsys.readouterr().out)["joint_names"] == ["elbow"]
+    assert call(monkeypatch, *given, "joint=elbow") == 2
+    assert "NAME:=VALUE" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", ["paper", "run", "inspect", "view"])

@@ -84,6 +84,12 @@ PackageDir = Annotated[
     list[Path] | None,
     typer.Option("--package-dir", metavar="DIR", help="Where package:// resolves; repeatable."),
 ]
+XacroArg = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--xacro-arg", metavar="NAME:=VALUE", help="Argument of a xacro file; repeatable."
+    ),
+]
 Repair = Annotated[
     bool,
     typer.Option("--repair", help="Mend what has one obvious mend in the description, and say so."),
@@ -186,6 +192,7 @@ def run(
     gravity: Gravity = None,
     massless: Massless = False,
     package_dir: PackageDir = None,
+    xacro_arg: XacroArg = None,
     repair: Repair = False,
     out: Out = Path("out"),
     resume: Annotated[
@@ -196,7 +203,15 @@ def run(
 ) -> None:
     """Simulate the controller on any robot, which follows a cosine about its neutral configuration."""
     arm = _load(
-        robot, lock, tool_frame, armature, gravity, package_dir, massless=massless, repair=repair
+        robot,
+        lock,
+        tool_frame,
+        armature,
+        gravity,
+        package_dir,
+        massless=massless,
+        xacro_arg=xacro_arg,
+        repair=repair,
     )
     target = Impedance(
         mass=_numbers("--mass", mass),
@@ -306,6 +321,7 @@ def tune(
     gravity: Gravity = None,
     massless: Massless = False,
     package_dir: PackageDir = None,
+    xacro_arg: XacroArg = None,
     repair: Repair = False,
     out: Out = Path("out"),
     as_json: Json = False,
@@ -313,7 +329,15 @@ def tune(
 ) -> None:
     """Propose gains that carry what is not known about a robot, or say why none do (exit code 1)."""
     arm = _load(
-        robot, lock, tool_frame, armature, gravity, package_dir, massless=massless, repair=repair
+        robot,
+        lock,
+        tool_frame,
+        armature,
+        gravity,
+        package_dir,
+        massless=massless,
+        xacro_arg=xacro_arg,
+        repair=repair,
     )
     uncertainty = Uncertainty(
         payload=_numbers("--payload", payload),
@@ -366,13 +390,22 @@ def inspect(
     gravity: Gravity = None,
     massless: Massless = False,
     package_dir: PackageDir = None,
+    xacro_arg: XacroArg = None,
     repair: Repair = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Show what a robot's description says: joints, limits, friction, frames, and what is odd about it."""
     arm = _load(
-        robot, lock, tool_frame, armature, gravity, package_dir, massless=massless, repair=repair
+        robot,
+        lock,
+        tool_frame,
+        armature,
+        gravity,
+        package_dir,
+        massless=massless,
+        xacro_arg=xacro_arg,
+        repair=repair,
     )
     M = arm.mass_matrix(arm.neutral)
     if as_json:
@@ -412,6 +445,7 @@ def view_command(
     lock: Lock = None,
     tool_frame: ToolFrame = None,
     package_dir: PackageDir = None,
+    xacro_arg: XacroArg = None,
     repair: Repair = False,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -424,7 +458,15 @@ def view_command(
             viewer = animate(SimulationResult.load(shown), port=port)
         else:
             arm = _load(  # a picture needs no masses
-                shown, lock, tool_frame, "1", None, package_dir, massless=True, repair=repair
+                shown,
+                lock,
+                tool_frame,
+                "1",
+                None,
+                package_dir,
+                massless=True,
+                xacro_arg=xacro_arg,
+                repair=repair,
             )
             viewer = view(arm, port=port)
     for note in viewer.notes if not as_json else ():
@@ -487,6 +529,7 @@ def _load(
     package_dir: list[Path] | None,
     *,
     massless: bool,
+    xacro_arg: list[str] | None,
     repair: bool,
 ) -> ArmModel:
     return load_robot(
@@ -496,9 +539,21 @@ def _load(
         armature=None if armature is None else _numbers("--armature", armature),
         gravity=None if gravity is None else _numbers("--gravity", gravity, 3),
         package_dirs=tuple(package_dir or ()),
+        xacro_args=_xacro_arguments(xacro_arg),
         massless=massless,
         repair=repair,
     )
+
+
+def _xacro_arguments(given: list[str] | None) -> dict[str, str]:
+    """Read "name:=value" from each."""
+    pairs = {}
+    for text in given or ():
+        name, separator, value = text.partition(":=")
+        if not name or not separator:
+            raise GainError("--xacro-arg", text, "NAME:=VALUE")
+        pairs[name] = value
+    return pairs
 
 
 def _standard_input() -> str:
