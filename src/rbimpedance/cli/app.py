@@ -651,6 +651,7 @@ def _say_written(files: list[Path]) -> None:
 
 
 _INSPECTED = (
-    *("name", "nq", "nv", "joint_names", "tool_frame", "frame_names", "neutral", "lower", "upper"),
+    *("name", "nq", "nv", "joint_names", "tool_frame", "frame_names"),
+    *("neutral", "ready", "lower", "upper"),
     *("effort_limit", "velocity_limit", "viscous", "coulomb", "armature", "notes"),
 )

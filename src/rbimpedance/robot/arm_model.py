@@ -20,6 +20,7 @@ from .._common.suggestions import suggest
 from ..exceptions import DimensionError, ModelError, ParameterError, UnsupportedJointError
 from .description import Description
 from .pinocchio_dynamics import PinocchioDynamics, pinocchio_dynamics
+from .postures import ready_configuration
 from .rigid_bodies import RigidBodies, movable_joints, rigid_bodies
 
 
@@ -40,6 +41,9 @@ class ArmModel:
         joint_names: Names of the nv joints, in the order of v.
         tool_frame: Frame that `jacobian` and wrenches refer to by default.
         neutral: Pinocchio's neutral configuration, moved into the position limits, shape (nq,).
+        ready: A posture well inside the position limits, shape (nq,): a reference configuration that the description
+            comes with (SRDF, example-robot-data, `pinocchio.Model.referenceConfigurations`), else the middle of each
+            range and 0 where there are no limits; at least a tenth of its range away from each limit.
         lower: Lower position limits, shape (nq,); -inf where there is none (continuous joints).
         upper: Upper position limits, shape (nq,); +inf where there is none.
         effort_limit: Largest torque, shape (nv,) [N·m or N]; +inf where the description gives none (or 0).
@@ -62,6 +66,7 @@ class ArmModel:
     joint_names: tuple[str, ...]
     tool_frame: str
     neutral: Array
+    ready: Array
     lower: Array
     upper: Array
     effort_limit: Array
@@ -89,6 +94,7 @@ class ArmModel:
         upper = np.where(is_plain, _unbounded(model.upperPositionLimit), np.inf)
         arrays = {
             "neutral": np.clip(pin.neutral(model), lower, upper),
+            "ready": ready_configuration(model),
             "lower": lower,
             "upper": upper,
             "effort_limit": _limit_or_none_given(model.upperEffortLimit),

@@ -24,10 +24,12 @@ from .loading.repair import repair_names
 from .loading.robot_sources import read_source
 from .loading.robot_text import RobotText, folders_of
 from .loading.soundness import check_inertia, check_mass, massless_joints
+from .loading.srdf import ready_positions
 from .loading.urdf_appearance import mesh_notes
 from .loading.urdf_document import listed
 from .loading.urdf_reader import FARTHEST_LIMIT, parse_urdf
 from .loading.wording import printable
+from .postures import set_ready
 
 MAX_DOF = 200
 """Most degrees of freedom of a loaded robot: Pinocchio's data grow with their third power (0.5 GB at 200)."""
@@ -132,6 +134,8 @@ def _arm(
     if armature is not None:
         given = gain("armature", armature, "non-negative", lambda x: x >= 0.0)
         model.armature = np.array(per_joint("armature", given, model.nv))
+    if robot.posture:
+        set_ready(model, robot.posture)
     arm = ArmModel(
         model,
         name=printable(robot.name),
@@ -189,6 +193,7 @@ class _Robot:
     values: Mapping[str, float]
     link_order: tuple[str, ...] = ()
     rotors: Path | None = None
+    posture: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     description: Description | None = None
     is_named: bool = False
@@ -274,6 +279,7 @@ def _from_text(
     model = build_model(document.without_mimics(locked), text.origin)
     if document.gravity is not None:
         model.gravity.linear = np.array(document.gravity)
+    posture, unread = _posture(text)
     return _Robot(
         model=model,
         name=text.name or document.name,
@@ -281,12 +287,23 @@ def _from_text(
         values=locked_positions(document, locked, values),
         link_order=tuple(link.name for link in document.links),
         rotors=text.srdf if text.has_rotors else None,
-        notes=(*text.notes, *document.notes(), *mesh_notes(document.mesh_files, text)),
+        posture=posture,
+        notes=(*text.notes, *document.notes(), *unread, *mesh_notes(document.mesh_files, text)),
         description=Description(document.xml, text.folder, text.package_dirs),
         is_named=text.name is not None,
         floats=text.floating,
         follows=follows,
     )
+
+
+def _posture(text: RobotText) -> tuple[dict[str, float], tuple[str, ...]]:
+    """The posture that the description's SRDF file offers, and a note where that cannot be read."""
+    if text.srdf is None:
+        return {}, ()
+    try:
+        return ready_positions(text.srdf, text.posture), ()
+    except ModelError as error:
+        return {}, (f"{error}: arm.ready is the middle of the limits",)
 
 
 # --- what is locked, is frozen ----------------------------------------------------------------------------------

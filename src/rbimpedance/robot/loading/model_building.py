@@ -202,6 +202,9 @@ def _vector_faults(model: pin.Model) -> Iterable[str]:
             yield f"{name} holds NaN"
         elif name in positive and not (np.isfinite(value) & (value >= 0.0)).all():
             yield f"{name} holds negative or infinite numbers"
+    for item in model.referenceConfigurations:
+        if len(item.data()) != model.nq or not np.isfinite(item.data()).all():
+            yield f"its reference configuration '{item.key()}' is not {model.nq} finite numbers"
     if not np.isfinite(np.array(model.gravity.vector)).all():
         yield "gravity is not finite"
     lower, upper = values["lowerPositionLimit"], values["upperPositionLimit"]

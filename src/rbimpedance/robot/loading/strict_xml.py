@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 
 from lxml import etree
 
@@ -25,27 +26,30 @@ MAX_NAME = 256
 LARGEST_NUMBER = 1e30
 """Largest magnitude of a number: products of a few such ones still fit into a float."""
 
+ROBOT_PARTS = ("link", "joint", "material", "rbimpedance")
+"""What of a <robot> says how it moves and looks."""
+
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 """A decimal number as it is read."""
 
 _LONGEST_NUMBERS = 1000  # characters of an attribute that holds numbers
 _SPACE = re.compile(r"\s*")
 _HTML = re.compile(r"(<!doctype\s+html|<html)\b", re.IGNORECASE)
-_PARTS = ("link", "joint", "material", "rbimpedance")  # of a <robot>, as far as they are read
 _XACRO = (
     "This is xacro that has not been expanded: give the .xacro file itself, or expand it with "
     "`xacro file.xacro > robot.urdf`"
 )
 
 
-def read_xml(text: str, origin: str) -> etree._Element:
+def read_xml(text: str, origin: str, parts: Collection[str] = ROBOT_PARTS) -> etree._Element:
     """Parse XML text strictly: bounded in size and depth, no doctype, no entities, no network, no xacro.
 
-    Of a <robot>, only what says how it moves and looks is kept: its links, joints and materials, and <rbimpedance>.
+    Of a <robot>, only the named parts are kept: by default what says how it moves and looks.
 
     Args:
         text: The XML text.
         origin: Where the text came from, for errors.
+        parts: Elements of a <robot> that are kept.
 
     Returns:
         The root element (lxml), without comments and processing instructions.
@@ -65,7 +69,7 @@ def read_xml(text: str, origin: str) -> etree._Element:
     _check_size(text, origin)
     root = _parsed(text, origin)
     if root.tag == "robot":
-        _drop_what_does_not_move(root)
+        _drop_others(root, parts)
     _check_elements(root, origin)
     return root
 
@@ -103,9 +107,9 @@ def _lacks_namespaces_only(parser: etree.XMLParser) -> bool:
     return len(parser.error_log) > 0 and all(e.type == undeclared for e in parser.error_log)
 
 
-def _drop_what_does_not_move(root: etree._Element) -> None:
-    """Drop what describes neither motion nor looks (<gazebo>, <transmission>, <ros2_control>, ...)."""
-    for element in [child for child in root if child.tag not in _PARTS and not _is_xacro(child)]:
+def _drop_others(root: etree._Element, parts: Collection[str]) -> None:
+    """Drop what nobody here reads, such as <gazebo>, <transmission> and <ros2_control>."""
+    for element in [child for child in root if child.tag not in parts and not _is_xacro(child)]:
         root.remove(element)
 
 
