@@ -15,7 +15,7 @@ import pytest
 from typer.main import get_command
 
 import rbimpedance as rbi
-from rbimpedance.cli.app import app as cli
+from rbimpedance.cli import app as cli
 from rbimpedance.pictures import figures as plotting
 
 ROOT = Path(__file__).parents[2]
