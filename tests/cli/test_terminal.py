@@ -15,8 +15,8 @@ from typing import Any
 import pytest
 from typer.main import get_command
 
-from rbimpedance.cli import terminal as _terminal
 from rbimpedance.cli import app as cli
+from rbimpedance.cli import terminal as _terminal
 from rbimpedance.cli.terminal import print_table, progress, table
 
 from ..arms import LIMIT, urdf, urdf_joint, urdf_link

@@ -26,7 +26,7 @@ from rbimpedance.control.compiled import ticks as compiled_controller
 from rbimpedance.control.compiled.warm_up import warm_up
 from rbimpedance.robot.compiled import dynamics
 from rbimpedance.robot.compiled.tables import arm_tables
-from rbimpedance.robot.pinocchio_dynamics import pinocchio_dynamics
+from rbimpedance.robot.mimic_dynamics import pinocchio_dynamics
 
 from .. import arms
 

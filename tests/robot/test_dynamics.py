@@ -279,6 +279,43 @@ def test_mimic_arm_is_the_free_arm_with_its_joints_bound(seed: int) -> None:
             close(bound.jacobian(q, frame), free.jacobian(q_full, frame) @ G)
 
 
+FOLLOWERS = {
+    "turning": ("revolute", "revolute", -0.7),
+    "sliding after turning": ("revolute", "prismatic", 0.3),
+    "turning after sliding": ("prismatic", "revolute", 2.0),
+    "continuous": ("continuous", "continuous", -1.5),
+    "standing still": ("revolute", "revolute", 0.0),
+}
+
+
+@pytest.mark.parametrize("kinds", FOLLOWERS.values(), ids=FOLLOWERS.keys())
+def test_dynamics_of_followers_of_every_kind_are_those_of_pinocchios_rnea(
+    kinds: tuple[str, str, float], rng: np.random.Generator
+) -> None:
+    leader, follower, multiplier = kinds
+    rule = f'<mimic joint="lead" multiplier="{multiplier}" offset="0.2"/>'
+    text = arms.urdf(
+        arms.urdf_joint("lead", leader, "base", "first", "0 1 0", arms.LIMIT),
+        arms.urdf_link("first", 2.0),
+        arms.urdf_joint("middle", "revolute", "first", "second", "1 0 0", arms.LIMIT),
+        arms.urdf_link("second", 1.0),
+        arms.urdf_joint("then", follower, "second", "third", "1 -2 1", arms.LIMIT + rule),
+        arms.urdf_link("third", 1.5),
+    )
+    arm = arms.arm_from_urdf(text, "third", mimic=True).with_armature([0.1, 0.2])
+    model = arm.model
+    data = model.createData()
+    for _ in range(5):
+        q, v, a = arm.random_configuration(rng), rng.normal(size=2), rng.normal(size=2)
+        tau = pin.rnea(model, data, q, v, a).copy()
+        assert_allclose(arm.mass_matrix(q) @ a + arm.bias(q, v), tau, rtol=0.0, atol=1e-11)
+        assert_allclose(arm.forward_dynamics(q, v, tau), a, rtol=0.0, atol=1e-10)
+        pin.forwardKinematics(model, data, q, v)
+        frame = model.getFrameId("third")
+        velocity = pin.getFrameVelocity(model, data, frame, pin.LOCAL_WORLD_ALIGNED).vector
+        assert_allclose(arm.jacobian(q, "third") @ v, velocity, rtol=0.0, atol=1e-12)
+
+
 # --- copies with changes -------------------------------------------------------------------------
 
 

@@ -19,7 +19,8 @@ from .._common.deprecation import renamed_attribute
 from .._common.suggestions import suggest
 from ..exceptions import DimensionError, ModelError, ParameterError, UnsupportedJointError
 from .description import Description
-from .pinocchio_dynamics import PinocchioDynamics, pinocchio_dynamics
+from .mimic_dynamics import pinocchio_dynamics
+from .pinocchio_dynamics import PinocchioDynamics
 from .postures import ready_configuration
 from .rigid_bodies import RigidBodies, movable_joints, rigid_bodies
 

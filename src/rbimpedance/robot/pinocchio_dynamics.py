@@ -12,7 +12,8 @@ from .._common.arrays import Array
 COULOMB_SMOOTHING = 0.05
 """Speed v_c at which smoothed Coulomb friction tau_c·tanh(v / v_c) reaches 76 % of tau_c [rad/s or m/s]."""
 
-_WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+"""World axes at the frame's origin."""
 
 
 class PinocchioDynamics:
@@ -95,7 +96,7 @@ class PinocchioDynamics:
 
     def jacobian(self, q: Array, frame_id: int) -> Array:
         """Frame Jacobian in world axes at the frame's origin, linear rows first, shape (6, nv)."""
-        J = np.array(pin.computeFrameJacobian(self.model, self._data, q, frame_id, _WORLD_AXES))
+        J = np.array(pin.computeFrameJacobian(self.model, self._data, q, frame_id, WORLD_AXES))
         return J.reshape(6, self.model.nv)  # pin returns a vector where nv = 1
 
     def frame_placement(self, q: Array, frame_id: int) -> tuple[Array, Array]:
@@ -111,47 +112,3 @@ class PinocchioDynamics:
     def integrate(self, q: Array, step: Array) -> Array:
         """The configuration q (+) step, shape (nq,)."""
         return np.array(pin.integrate(self.model, q, step))
-
-
-class MimicDynamics(PinocchioDynamics):
-    """The same for models with mimicking joints, on RNEA and forward kinematics alone.
-
-    Pinocchio's ABA does not take such models. Its CRBA and frame Jacobian (pin 4.1.0) do, but are wrong on some trees,
-    and CRBA from the second call on one `pin.Data` on every tree; RNEA and forward kinematics are right on all.
-    """
-
-    def __init__(self, model: pin.Model) -> None:
-        super().__init__(model)
-        self._weightless = pin.Model(model)
-        self._weightless.gravity.linear = np.zeros(3)
-        self._units = np.eye(model.nv)
-
-    def mass_matrix(self, q: Array) -> Array:
-        """M(q) from the torques of unit accelerations; see `PinocchioDynamics.mass_matrix`."""
-        rest = np.zeros(self.model.nv)
-        M: Array = np.empty((self.model.nv, self.model.nv))
-        for i, unit in enumerate(self._units):
-            M[:, i] = pin.rnea(self._weightless, self._data, q, rest, unit)
-        return (M + M.T) / 2.0
-
-    def forward_dynamics(self, q: Array, v: Array, torque: Array) -> Array:
-        """M⁻¹ (torque - bias); see `PinocchioDynamics.forward_dynamics`."""
-        a = np.linalg.solve(self.mass_matrix(q), torque - self.bias(q, v))
-        return np.asarray(a, dtype=np.float64)
-
-    def jacobian(self, q: Array, frame_id: int) -> Array:
-        """The frame's velocities at unit joint velocities; see `PinocchioDynamics.jacobian`."""
-        J = np.empty((6, self.model.nv))
-        for i, unit in enumerate(self._units):
-            pin.forwardKinematics(self.model, self._data, q, unit)
-            J[:, i] = pin.getFrameVelocity(self.model, self._data, frame_id, _WORLD_AXES).vector
-        return J
-
-
-def pinocchio_dynamics(model: pin.Model) -> PinocchioDynamics:
-    """Return the dynamics of a model, with the detour that mimicking joints need.
-
-    Args:
-        model: The model; it is kept, not copied.
-    """
-    return MimicDynamics(model) if len(model.mimicking_joints) else PinocchioDynamics(model)

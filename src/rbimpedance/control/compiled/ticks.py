@@ -14,7 +14,7 @@ from ...law.impedance import TargetFilter
 from ...robot.arm_model import ArmModel
 from ...robot.compiled.dynamics import CompiledDynamics
 from ...robot.compiled.tables import coordinate_tables, workspace
-from ...robot.pinocchio_dynamics import pinocchio_dynamics
+from ...robot.mimic_dynamics import pinocchio_dynamics
 from ..protocol import Step
 from ..telemetry import ControllerState
 from .block import A_R, COLUMNS, NEXT_Q_E, NEXT_V_E, PackedState
