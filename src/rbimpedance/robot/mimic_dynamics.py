@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg.lapack import dposv
 
 from .._common.arrays import Array
 from .pinocchio_dynamics import WORLD_AXES, PinocchioDynamics
@@ -53,10 +52,8 @@ class MimicDynamics(PinocchioDynamics):
         return M
 
     def forward_dynamics(self, q: Array, v: Array, torque: Array) -> Array:
-        """M⁻¹ (torque - bias), by Cholesky; see `PinocchioDynamics.forward_dynamics`."""
-        _, a, fault = dposv(self.mass_matrix(q), torque - self.bias(q, v))
-        if fault:
-            raise np.linalg.LinAlgError("the mass matrix is not positive definite")
+        """M⁻¹ (torque - bias); see `PinocchioDynamics.forward_dynamics`."""
+        a = np.linalg.solve(self.mass_matrix(q), torque - self.bias(q, v))
         return np.asarray(a, dtype=np.float64)
 
     def jacobian(self, q: Array, frame_id: int) -> Array:
