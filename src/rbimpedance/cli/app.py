@@ -551,7 +551,7 @@ def _xacro_arguments(given: list[str] | None) -> dict[str, str]:
     for text in given or ():
         name, separator, value = text.partition(":=")
         if not name or not separator:
-            raise GainError("--xacro-arg", text, "NAME:=VALUE")
+            raise ParameterError("--xacro-arg", text, "NAME:=VALUE")
         pairs[name] = value
     return pairs
 

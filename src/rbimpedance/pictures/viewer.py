@@ -23,7 +23,8 @@ from .._common.arrays import Array, positive_number
 from ..exceptions import ModelError, RBImpedanceError
 from ..interaction import EnvironmentLike, FrameInteraction, Interaction, as_interaction
 from ..robot.arm_model import ArmModel
-from ..robot.load import RECIPE, load_robot
+from ..robot.load import load_robot
+from ..robot.loading.recipe import RECIPE
 from ..robot.loading.robot_sources import runs_as_program
 from ..simulation.result import SimulationResult
 from .page.drawing import Drawing

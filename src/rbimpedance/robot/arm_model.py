@@ -7,7 +7,6 @@ inertia, friction, armature or gravity. What it computes comes from `PinocchioDy
 from __future__ import annotations
 
 import functools
-import hashlib
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +18,7 @@ from .._common.deprecation import renamed_attribute
 from .._common.suggestions import suggest
 from ..exceptions import DimensionError, ModelError, ParameterError, UnsupportedJointError
 from .description import Description
+from .digest import model_digest
 from .mimic_dynamics import pinocchio_dynamics
 from .pinocchio_dynamics import PinocchioDynamics
 from .postures import ready_configuration
@@ -153,21 +153,9 @@ class ArmModel:
     @functools.cached_property
     def digest(self) -> str:
         """SHA-256 over everything that enters dynamics and kinematics: equal models have equal digests."""
-        model = self.raw_dynamics.model
-        parts = [repr((list(model.names), list(model.parents), self.tool_frame))]
-        parts += [f"{joint.shortname()} {joint.idx_q} {joint.idx_v}" for joint in model.joints]
-        parts += [f"{frame.name} {frame.type} {frame.parentJoint}" for frame in model.frames]
-        numbers = [np.array(model.gravity.linear), self.lower, self.upper]
-        numbers += [self.effort_limit, self.velocity_limit]
-        numbers += [self.viscous, self.coulomb, self.armature]
-        placements = [*model.jointPlacements, *_sample_placements(model)]
-        placements += [frame.placement for frame in model.frames]
-        numbers += [np.array(placement.homogeneous) for placement in placements]
-        numbers += [np.array(inertia.matrix()) for inertia in model.inertias]
-        content = "\n".join(parts).encode() + b"".join(
-            np.ascontiguousarray(x).tobytes() for x in numbers
-        )
-        return hashlib.sha256(content).hexdigest()
+        vectors = (self.lower, self.upper, self.effort_limit, self.velocity_limit)
+        friction = (self.viscous, self.coulomb, self.armature)
+        return model_digest(self.raw_dynamics.model, self.tool_frame, (*vectors, *friction))
 
     def rigid_bodies(self) -> RigidBodies:
         """Return the numbers behind the dynamics as plain arrays.
@@ -558,16 +546,6 @@ def _check_joints(model: pin.Model) -> None:
             wide,
             "only joints with one degree of freedom can be controlled; weld it with lock=(...)",
         )
-
-
-def _sample_placements(model: pin.Model) -> list[pin.SE3]:
-    """Placements of all joints at two configurations: they tell joint axes and mimic rules apart."""
-    data, q = model.createData(), pin.neutral(model)
-    placements = []
-    for configuration in (q, pin.integrate(model, q, np.ones(model.nv))):
-        pin.forwardKinematics(model, data, configuration)
-        placements += [pin.SE3(placement) for placement in data.oMi]
-    return placements
 
 
 def _is_plain_coordinate(model: pin.Model) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
+from numbers import Real
 
 from ..._common.suggestions import suggest
 from ...exceptions import ModelError, UnsupportedJointError
 from .strict_xml import LARGEST_NUMBER
 from .urdf_document import Mimic, UrdfDocument, listed
+from .urdf_reader import FARTHEST_LIMIT
 
 _SHOWN = 8  # reasons in one error
 
@@ -71,6 +74,32 @@ def root_mimics(mimics: Mapping[str, Mimic]) -> dict[str, Mimic]:
         if last.joint not in seen:
             resolved[name] = last
     return resolved
+
+
+def given_positions(given: Mapping[str, float] | None) -> dict[str, float]:
+    """Return the positions that `locked_configuration=` gives.
+
+    Args:
+        given: Positions by joint [rad or m].
+
+    Raises:
+        ModelError: Something in it is no name, or no finite number.
+    """
+    try:
+        values = dict(given or {})
+    except (TypeError, ValueError) as error:
+        raise ModelError(f"locked_configuration= takes positions by name, got {given!r}") from error
+    for name, value in values.items():
+        try:
+            number = float(value) if isinstance(value, Real) else math.nan
+        except OverflowError:
+            number = math.inf
+        if not isinstance(name, str) or not abs(number) <= FARTHEST_LIMIT:
+            raise ModelError(
+                f"locked_configuration: '{name}' takes one finite number of at most {FARTHEST_LIMIT:g}, got {value!r}"
+            )
+        values[name] = number
+    return values
 
 
 def locked_positions(

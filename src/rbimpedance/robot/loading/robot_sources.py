@@ -1,7 +1,7 @@
 """Where robot descriptions come from: files, xacro, bundled robots, example-robot-data and robot_descriptions.
 
 A name means the first of: a bundled robot, a robot of example-robot-data, a module of robot_descriptions. Everything
-here ends in the text of a URDF, raw_dynamics; `urdf_document` reads it.
+here ends in the text of a URDF, unchecked; `urdf_document` reads it.
 """
 
 from __future__ import annotations
