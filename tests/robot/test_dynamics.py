@@ -232,6 +232,15 @@ def test_link_is_meant_where_a_joint_has_the_same_name(rng: np.random.Generator)
         assert_array_equal(ours, theirs)
 
 
+def test_positions_in_place_of_a_configuration_are_told_the_way_to_one() -> None:
+    arm = rbi.load_robot("kinova")  # three continuous joints: nq = 9, nv = 6
+    angles = np.linspace(-0.3, 0.2, 6)
+    with pytest.raises(rbi.DimensionError, match=r"arm\.integrate\(arm\.zero, q\) makes one"):
+        arm.mass_matrix(angles)
+    q = arm.integrate(arm.zero, angles)
+    assert_allclose(arm.difference(arm.zero, q), angles, atol=1e-15)
+
+
 # --- mimic joints --------------------------------------------------------------------------------
 
 

@@ -575,6 +575,15 @@ def test_joint_without_mass_is_accepted_on_request_and_noted_first() -> None:
     assert arm.with_payload(1.0).notes == arm.notes
 
 
+def test_body_without_mass_on_a_moving_link_is_noted_also_where_its_joint_is_frozen() -> None:
+    shape = '<visual><geometry><box size="1 1 1"/></geometry></visual>'
+    text = hand_without_mass().replace('<link name="b"/>', f'<link name="b">{shape}</link>')
+    notes = rbi.load_robot(text, lock="bad").notes
+    assert any("have a shape and no mass: 'b'" in note for note in notes)
+    frames_only = rbi.load_robot(spinner_urdf()).notes  # `tool` has neither
+    assert not any("no mass" in note for note in frames_only)
+
+
 def test_model_of_pinocchio_without_mass_is_refused_although_it_has_armature() -> None:
     model = pin.buildModelFromXML(hand_without_mass())
     model.armature = np.array([0.1, 0.1])

@@ -59,10 +59,17 @@ class Inertial:
 
 @dataclass(frozen=True)
 class Link:
-    """A link and its inertia, if it has one."""
+    """A link and its inertia, if it has one.
+
+    Attributes:
+        name: Name of the link.
+        inertial: Its inertia; None where the document gives none.
+        has_shape: It has a <visual> or <collision>: it is a body, not a frame.
+    """
 
     name: str
     inertial: Inertial | None
+    has_shape: bool = False
 
 
 @dataclass(frozen=True)
@@ -173,7 +180,19 @@ class UrdfDocument:
 
     def notes(self) -> tuple[str, ...]:
         """What was repaired, and what is odd about joints and moving links and yet bearable."""
-        return (*self.repairs, *self._limit_notes(), *self._inertia_notes())
+        return (*self.repairs, *self._mass_notes(), *self._limit_notes(), *self._inertia_notes())
+
+    def _mass_notes(self) -> tuple[str, ...]:
+        carriers = self.carriers()
+        heavy = {carriers[x.name] for x in self.links if x.inertial and x.inertial.mass > 0.0}
+        shown = {carriers[x.name]: x.name for x in reversed(self.links) if x.has_shape}
+        weightless = [name for joint, name in shown.items() if joint and joint not in heavy]
+        if not weightless:
+            return ()
+        return (
+            f"links that a joint moves have a shape and no mass: {listed(weightless[::-1])}; their weight is not in "
+            "the model, also where that joint is frozen",
+        )
 
     def _limit_notes(self) -> tuple[str, ...]:
         limitless = [j.name for j in self.joints if np.isinf([j.lower, j.upper]).any()]

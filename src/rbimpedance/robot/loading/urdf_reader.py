@@ -65,12 +65,12 @@ def parse_urdf(text: str, origin: str, repair: Collection[str] = ()) -> UrdfDocu
             f"{origin} is no URDF: its root element is <{shortened(str(root.tag))}>, not <robot>"
         )
     _check_count(root, origin)
-    given = deepcopy(root) if repair else root
+    given = _skeleton(root) if repair else None
     made = mended(root, repair)
     try:
         document = _document(root)
     except ModelError as error:
-        offer = _offered_repair(given, repair, str(error))
+        offer = _offered_repair(_skeleton(root) if given is None else given, repair, str(error))
         raise ModelError(f"{origin}: {error}{offer}") from None
     return replace(
         document,
@@ -78,6 +78,19 @@ def parse_urdf(text: str, origin: str, repair: Collection[str] = ()) -> UrdfDocu
         mesh_files=_mesh_files(root),
         repairs=tuple(said for _, said in made),
     )
+
+
+def _skeleton(root: etree._Element) -> etree._Element:
+    """A copy without shapes, on which repairs can be tried at little cost."""
+    bare = etree.Element(root.tag, _attributes(root))
+    for child in root.iterchildren("link", "joint", "rbimpedance"):
+        copy = etree.SubElement(bare, child.tag, _attributes(child))
+        copy.extend([deepcopy(part) for part in child if part.tag not in ("visual", "collision")])
+    return bare
+
+
+def _attributes(element: etree._Element) -> dict[str, str]:
+    return {str(key): str(value) for key, value in element.attrib.items()}
 
 
 def _check_count(root: etree._Element, origin: str) -> None:
@@ -129,7 +142,8 @@ def _read_link(element: etree._Element) -> Link:
     name = name_of(element)
     where = f"link '{name}'"
     inertial = only_child(element, "inertial", where)
-    return Link(name, None if inertial is None else _read_inertial(inertial, where))
+    has_shape = any(element.find(tag) is not None for tag in ("visual", "collision"))
+    return Link(name, None if inertial is None else _read_inertial(inertial, where), has_shape)
 
 
 def _read_inertial(element: etree._Element, where: str) -> Inertial:

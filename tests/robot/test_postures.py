@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 
 import rbimpedance as rbi
 
-from .arms import LIMIT, mimic_urdf, spinner_urdf, urdf, urdf_joint, urdf_link
+from ..arms import LIMIT, mimic_urdf, spinner_urdf, urdf, urdf_joint, urdf_link
 
 FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
 SRDF = """<robot name="arm"><group_state name="{}" group="arm"><joint name="spin" value="0.5"/>
