@@ -7,6 +7,7 @@ import pytest
 import rbimpedance as rbi
 from rbimpedance.robot.loading import strict_xml
 from rbimpedance.robot.loading.strict_xml import has_doctype, read_xml
+from rbimpedance.robot.loading.xml_faults import MAX_DEPTH
 
 BOMB = """<?xml version="1.0"?><!DOCTYPE robot [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;">]>
 <robot name="&b;"/>"""
@@ -104,7 +105,7 @@ def test_undeclared_entity_is_refused() -> None:
 
 
 def test_depth_is_bounded() -> None:
-    depth = strict_xml.MAX_DEPTH
+    depth = MAX_DEPTH
     read_xml("<a>" * depth + "</a>" * depth, "the text")
     with pytest.raises(rbi.ModelError, match=f"deeper than {depth}"):
         read_xml("<a>" * (depth + 1) + "</a>" * (depth + 1), "the text")
