@@ -77,7 +77,7 @@ def test_package_address_is_found_by_folder_or_above_the_file(
 
 
 def test_relative_and_file_addresses_are_found(mesh: Path) -> None:
-    text = RobotText("", "", folder=mesh.parents[2])
+    text = RobotText("", "", folder=mesh.parents[1])
     assert find_mesh("meshes/hand.stl", text) == mesh
     assert find_mesh(f"file://{mesh}", text) == mesh
     assert find_mesh("https://host/meshes/hand.stl", text) is None
@@ -100,12 +100,12 @@ def test_relative_and_file_addresses_are_found(mesh: Path) -> None:
     ],
 )
 def test_file_outside_the_package_is_not_found(mesh: Path, address: str) -> None:
-    folder = mesh.parents[2] / "urdf"
+    folder = mesh.parents[1] / "urdf"
     folder.mkdir()
     secret = mesh.parents[3] / "secret.stl"
     for path in (
         secret,
-        mesh.parents[3] / "secret.stl",
+        mesh.parents[2] / "secret.stl",
         mesh.parents[3] / "secret",
         folder / "plain",
     ):
@@ -115,11 +115,11 @@ def test_file_outside_the_package_is_not_found(mesh: Path, address: str) -> None
 
 
 def test_package_begins_at_its_package_xml_or_above_the_folder_of_the_file(mesh: Path) -> None:
-    text = RobotText("", "", folder=mesh.parents[2] / "urdf" / "arm")
+    text = RobotText("", "", folder=mesh.parents[1] / "urdf" / "arm")
     address = "../../meshes/hand.stl"
     assert find_mesh(address, text) is None
-    assert find_mesh(address, replace(text, package_dirs=(mesh.parents[2],))) == mesh
-    (mesh.parents[2] / "package.xml").touch()
+    assert find_mesh(address, replace(text, package_dirs=(mesh.parents[1],))) == mesh
+    (mesh.parents[1] / "package.xml").touch()
     assert find_mesh(address, text) == mesh
 
 
