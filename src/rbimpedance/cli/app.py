@@ -38,7 +38,7 @@ from ..simulation.scenarios import Scenario, SurfaceName, paper, paper_compariso
 from ..trajectories import cosine
 from ..tuning import GainProposal, Uncertainty, propose_gains
 from ..tuning.gains_file import load_gains, proposal_data, save_gains
-from .bench.command import bench
+from .bench import bench
 from .run_tables import comparison_figures, comparison_table, result_figures, result_table
 from .study import study
 from .terminal import number, print_json, print_table, progress, stderr, stdout, table
@@ -489,7 +489,7 @@ def view_command(
             Event().wait()
 
 
-app.command(epilog="Example: rbimpedance bench panda --save before.json")(bench)
+app.command(epilog="Example: rbimpedance bench panda --compare before.json")(bench)
 app.command(epilog="Example: rbimpedance study standard --jobs 2")(study)
 
 

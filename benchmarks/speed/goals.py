@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
+from rbimpedance.cli.timing import REALTIME, RNEA, STEP
+
 from .comparison import CPP_LOOP, MJ_STEP
-from .peers import PEERS
+from .libraries import PEERS
 from .report import RATIO, Line, Report, Section
-from .ticks import LEAN, RNEA, STEP
 
 
 class Goal(NamedTuple):
@@ -82,7 +83,7 @@ GOALS = (
         for name, bound in (
             (STEP["pinocchio"], 2.5),
             (STEP["compiled"], 1.0),
-            (LEAN["compiled"], 0.8),
+            (REALTIME["compiled"], 0.8),
         )
     ),
     *(

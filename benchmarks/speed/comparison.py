@@ -9,23 +9,35 @@ from pathlib import Path
 
 import numpy as np
 
-from ..._common.arrays import Array
-from ...control.controller import ImpedanceController
-from ...robot.arm_model import ArmModel
-from ...robot.load import load_robot
-from ...robot.loading.plain_urdf import plain
+from rbimpedance._common.arrays import Array
+from rbimpedance.cli import timing
+from rbimpedance.cli.timing import (
+    BACKENDS,
+    DT,
+    RNEA,
+    Inputs,
+    Timer,
+    controller,
+    inputs,
+    interleaved,
+    simulate_timer,
+    timer,
+)
+from rbimpedance.control.controller import ImpedanceController
+from rbimpedance.robot.arm_model import ArmModel
+from rbimpedance.robot.load import load_robot
+from rbimpedance.robot.loading.plain_urdf import plain
+
 from . import ticks
-from .cases import BACKENDS, DT, Inputs, controller, inputs
-from .loops import step_timer
-from .peers import PEERS, SOURCES, STEP, Started, Task, start
+from .libraries import PEERS, SOURCES, STEP, Started, Task, start
+from .percentiles import median
+from .plan import Setting
 from .report import RATIO, Line, Section
-from .setting import Setting
-from .timing import Timer, interleaved, median, timer
 from .workers import Worker, WorkerError
 
 CPP = "c++"
 KP, KD = 100.0, 20.0
-"""Gains of the peers' law; benchmarks/peers/protocol.py has the same."""
+"""Gains of the peers' law; peers/protocol.py has the same."""
 
 CPP_AGREEMENT, PEER_AGREEMENT = 1e-9, 1e-6
 """Largest difference of a torque, N·m, with which it counts as the same."""
@@ -151,7 +163,7 @@ def _ticks(
             timers[task.label] = worker.timer(key)
             labels[task.label] = name, key, task
     found = interleaved(timers, setting.plan.ticks // 4, rounds=20, on_tick=setting.on_tick)
-    yardsticks = {"rnea": median(found[ticks.RNEA])}
+    yardsticks = {"rnea": median(found[RNEA])}
     if _TICK in found:
         yardsticks["C++"] = median(found[_TICK])
     lines = []
@@ -194,9 +206,9 @@ def _loops(
 ) -> Section:
     given, plan = inputs(arm), setting.plan
     timers: dict[str, Timer] = {
-        ticks.RNEA: timer(ticks.rnea(arm, given)),
+        RNEA: timer(timing.rnea(arm, given)),
         "pin.aba": timer(ticks.aba(arm, given)),
-        **{f"simulate, {b}": step_timer(arm, b) for b in BACKENDS},
+        **{f"simulate, {b}": simulate_timer(arm, b) for b in BACKENDS},
     }
     notes = {f"simulate, {b}": "tick, ABA, semi-implicit Euler, log" for b in BACKENDS}
     for name, key, label, note in (
@@ -208,7 +220,7 @@ def _loops(
     found = interleaved(
         timers, plan.loop_ticks * plan.runs, rounds=plan.runs, on_tick=setting.on_tick
     )
-    yardstick = median(found[ticks.RNEA]) + median(found["pin.aba"])
+    yardstick = median(found[RNEA]) + median(found["pin.aba"])
     lines = []
     for label, durations in found.items():
         figures = {"a step [µs]": median(durations)}

@@ -16,8 +16,8 @@ from types import TracebackType
 
 import numpy as np
 
-from ..._common.arrays import Array
-from .timing import Timer
+from rbimpedance._common.arrays import Array
+from rbimpedance.cli.timing import Timer
 
 
 class WorkerError(Exception):

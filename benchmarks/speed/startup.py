@@ -8,12 +8,14 @@ import sys
 import tempfile
 import tracemalloc
 from itertools import islice
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from .machine import resident_bytes
-from .timing import Progress, Ticks
+from rbimpedance.cli.timing import Progress, Ticks
+
+ROOT = Path(__file__).parents[2]
 
 _IMPORT = """
 from time import perf_counter as clock
@@ -27,12 +29,13 @@ print(middle - start, clock() - middle)
 _CONTROLLER = """
 import sys, time
 import numpy as np
-from rbimpedance.cli.bench import cases
+from benchmarks.speed import cases
+from rbimpedance.cli import timing
 clock = time.perf_counter
 arm = cases.load(sys.argv[1])
-given = cases.inputs(arm)
+given = timing.inputs(arm)
 start = clock()
-made = cases.controller(arm, sys.argv[2])
+made = timing.controller(arm, sys.argv[2])
 print(clock() - start)
 state, durations = made.init(), []
 for x in given[:100]:
@@ -110,9 +113,17 @@ def allocation(ticks: Ticks, count: int = 200) -> tuple[int, int]:
     return min(peaks), max(peaks)
 
 
+def resident_bytes() -> int:
+    """Return the memory that this process holds now; 0 where the system does not say."""
+    pages = Path("/proc/self/statm")
+    if not pages.exists():
+        return 0
+    return int(pages.read_text(encoding="ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
 def _numbers(code: str, *arguments: str, **environment: str) -> list[float]:
     command = [sys.executable, "-c", code, *arguments]
     run = subprocess.run(
-        command, env=os.environ | environment, capture_output=True, text=True, check=True
+        command, cwd=ROOT, env=os.environ | environment, capture_output=True, text=True, check=True
     )
     return [float(word) for word in run.stdout.split()]

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ...exceptions import InputError
+from rbimpedance.exceptions import InputError
 
 RATIO = "×"
 """Begins the name of a figure that is a ratio of two measurements of one run; such figures travel between machines."""
@@ -94,7 +94,7 @@ def load(path: Path) -> Report:
         data = json.loads(path.read_text(encoding="utf-8"))
         return Report(data["machine"], tuple(_section(section) for section in data["sections"]))
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(f"'{path}' is not a report that `bench --save` wrote: {error}") from error
+        raise InputError(f"'{path}' is not a report that `--save` wrote: {error}") from error
 
 
 class Change(NamedTuple):

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..._common.arrays import Array
-from .timing import Progress, Ticks
+from rbimpedance._common.arrays import Array
+from rbimpedance.cli.timing import Progress, Ticks
 
 COLLECTORS = ("on", "frozen", "off")
 BALLAST = 300_000

@@ -1,4 +1,4 @@
-"""The peers' side of the protocol in src/rbimpedance/benchmarking/workers.py; needs NumPy only."""
+"""The peers' side of the protocol in benchmarks/speed/workers.py; needs NumPy only."""
 
 from __future__ import annotations
 

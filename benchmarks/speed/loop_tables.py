@@ -4,13 +4,24 @@ from __future__ import annotations
 
 import os
 
+from rbimpedance.cli import timing
+from rbimpedance.cli.timing import (
+    BACKENDS,
+    DT,
+    RNEA,
+    batch_timer,
+    inputs,
+    interleaved,
+    plants,
+    simulate_timer,
+    timer,
+)
+
 from . import paced as pacing
 from . import ticks
-from .cases import BACKENDS, DT, inputs
-from .loops import batch_timer, plants, step_timer
+from .percentiles import median, percentiles, ratios
+from .plan import Setting
 from .report import RATIO, Line, Section
-from .setting import Setting
-from .timing import interleaved, median, percentiles, ratios, timer
 
 _BATCH_TURNS = 3
 
@@ -24,7 +35,7 @@ def paced(setting: Setting) -> Section:
             next(made)
         with pacing.collector(mode):
             found = pacing.run(things, setting.plan.paced, DT, setting.on_tick)
-        yardstick = found.durations[ticks.RNEA]
+        yardstick = found.durations[RNEA]
         for name, durations in found.durations.items():
             figures = percentiles(durations) | ratios(durations, yardstick)
             lines.append(Line(f"gc {mode}: {name}", figures))
@@ -46,13 +57,13 @@ def loop(setting: Setting) -> Section:
     """The closed loop of one world."""
     given, ticks_a_run = inputs(setting.arm), setting.plan.loop_ticks
     timers = {
-        ticks.RNEA: timer(ticks.rnea(setting.arm, given)),
+        RNEA: timer(timing.rnea(setting.arm, given)),
         "pin.aba": timer(ticks.aba(setting.arm, given)),
-        **{f"simulate, {b}": step_timer(setting.arm, b) for b in BACKENDS},
+        **{f"simulate, {b}": simulate_timer(setting.arm, b) for b in BACKENDS},
     }
     turns = setting.plan.runs
     found = interleaved(timers, ticks_a_run * turns, rounds=turns, on_tick=setting.on_tick)
-    yardstick = median(found[ticks.RNEA]) + median(found["pin.aba"])
+    yardstick = median(found[RNEA]) + median(found["pin.aba"])
     lines = [
         Line(name, {"a step [µs]": median(x), f"{RATIO} (rnea + aba)": median(x) / yardstick})
         for name, x in found.items()
@@ -73,12 +84,12 @@ def batch(setting: Setting) -> Section:
     for k, count in enumerate(plan.worlds):
         worlds = plants(setting.arm, count)
         timers = {
-            ticks.RNEA: timer(ticks.rnea(setting.arm, given)),
+            RNEA: timer(timing.rnea(setting.arm, given)),
             "pin.aba": timer(ticks.aba(setting.arm, given)),
             **{str(n): batch_timer(setting.arm, worlds, n) for n in cores},
         }
         found = interleaved(timers, _BATCH_TURNS * plan.batch_ticks, rounds=_BATCH_TURNS)
-        yardstick = median(found[ticks.RNEA]) + median(found["pin.aba"])
+        yardstick = median(found[RNEA]) + median(found["pin.aba"])
         for threads in cores:
             step = median(found[str(threads)])
             figures = {"a world-step [µs]": step, f"{RATIO} (rnea + aba)": step / yardstick}

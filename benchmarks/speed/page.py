@@ -7,12 +7,13 @@ from pathlib import Path
 
 from rich.table import Table
 
-from ...exceptions import InputError
-from ..terminal import number, table
+from rbimpedance.cli.terminal import number, table
+from rbimpedance.exceptions import InputError
+
 from .report import Change, Report, Section
 
 BEGIN, END = (
-    "<!-- figures: written by `rbimpedance bench --write` -->",
+    "<!-- figures: written by `python -m benchmarks.speed --write docs` -->",
     "<!-- end of the figures -->",
 )
 

@@ -1,4 +1,4 @@
-"""The C++ loop of benchmarks/cpp, built against the headers and libraries of the wheels."""
+"""The C++ loop of cpp/, built against the headers and libraries of the wheels."""
 
 from __future__ import annotations
 

@@ -1,8 +1,11 @@
-"""How much is measured: a glance, a minute, or everything."""
+"""How much is measured, and on which arm."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
+
+from rbimpedance.cli.timing import Progress
+from rbimpedance.robot.arm_model import ArmModel
 
 from .cases import ARMS
 
@@ -51,3 +54,19 @@ FULL = Plan(
     7,
     ARMS,
 )
+
+
+class Setting(NamedTuple):
+    """What every section is given.
+
+    Attributes:
+        robot: Name of the arm that everything is measured on.
+        arm: That arm.
+        plan: How much is measured.
+        on_tick: For a progress bar.
+    """
+
+    robot: str
+    arm: ArmModel
+    plan: Plan
+    on_tick: Progress

@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 from numba import types
 
-from ..._common.arrays import Array
-from ..._numba.compile import kernel
-from ...control.compiled.block import COLUMNS
-from ...control.compiled.entry import LAW, SCRATCH
-from ...control.compiled.kernels import Law, Measured, Scratch
-from ...control.compiled.pack import pack_law, scratch
-from ...control.compiled.tick import after_torque, before_torque, is_sound, model_torque
-from ...control.controller import ImpedanceController
-from ...law.super_twisting import SuperTwisting
-from ...robot.compiled.dynamics import ARM, OWN_MATRIX, SPACE, VECTOR_IN, CompiledDynamics
-from ...robot.compiled.tables import ArmTables, Workspace, workspace
-from .cases import Inputs
+from rbimpedance._common.arrays import Array
+from rbimpedance._numba.compile import kernel
+from rbimpedance.cli.timing import Inputs
+from rbimpedance.control.compiled.block import COLUMNS
+from rbimpedance.control.compiled.entry import LAW, SCRATCH
+from rbimpedance.control.compiled.kernels import Law, Measured, Scratch
+from rbimpedance.control.compiled.pack import pack_law, scratch
+from rbimpedance.control.compiled.tick import after_torque, before_torque, is_sound, model_torque
+from rbimpedance.control.controller import ImpedanceController
+from rbimpedance.law.super_twisting import SuperTwisting
+from rbimpedance.robot.compiled.dynamics import ARM, OWN_MATRIX, SPACE, VECTOR_IN, CompiledDynamics
+from rbimpedance.robot.compiled.tables import ArmTables, Workspace, workspace
 
 CHECK, LAW_STAGE, MODEL, AFTER = 1, 2, 4, 8
 _CUMULATIVE = (LAW_STAGE, LAW_STAGE | MODEL, LAW_STAGE | MODEL | AFTER, 15)

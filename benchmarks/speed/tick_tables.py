@@ -4,11 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
+from rbimpedance.cli import timing
+from rbimpedance.cli.timing import (
+    BACKENDS,
+    REALTIME,
+    RNEA,
+    STEP,
+    controller,
+    inputs,
+    interleaved,
+    timer,
+)
+
 from . import ticks
-from .cases import BACKENDS, SCHEMES, SURFACES, chain, controller, inputs, load
+from .cases import SCHEMES, SURFACES, chain, load
+from .percentiles import median, percentiles, ratios
+from .plan import Setting
 from .report import RATIO, Line, Section
-from .setting import Setting
-from .timing import interleaved, median, percentiles, ratios, timer
 
 _TURNS = 50
 _PHASES = (
@@ -25,7 +37,7 @@ def tick(setting: Setting) -> Section:
     timers = {name: timer(made) for name, made in ticks.of_arm(setting.arm).items()}
     found = interleaved(timers, setting.plan.ticks, rounds=_TURNS, on_tick=setting.on_tick)
     lines = tuple(
-        Line(name, percentiles(durations) | ratios(durations, found[ticks.RNEA]))
+        Line(name, percentiles(durations) | ratios(durations, found[RNEA]))
         for name, durations in found.items()
     )
     return Section(
@@ -43,14 +55,14 @@ def phases(setting: Setting) -> Section:
 
     given = inputs(setting.arm)
     made = {backend: controller(setting.arm, backend) for backend in BACKENDS}
-    timers = {ticks.STEP[b]: timer(ticks.step(made[b], given)) for b in BACKENDS}
-    timers[ticks.RNEA] = timer(ticks.rnea(setting.arm, given))
+    timers = {STEP[b]: timer(timing.step(made[b], given)) for b in BACKENDS}
+    timers[RNEA] = timer(timing.rnea(setting.arm, given))
     found = interleaved(timers, setting.plan.ticks, rounds=_TURNS, on_tick=setting.on_tick)
     medians = {name: median(durations) for name, durations in found.items()}
     law, model, after, check = stage_times(made["compiled"], given[0], setting.plan.runs)
     lines = []
-    for backend, model_time in zip(BACKENDS, (medians[ticks.RNEA], model), strict=True):
-        total = medians[ticks.STEP[backend]]
+    for backend, model_time in zip(BACKENDS, (medians[RNEA], model), strict=True):
+        total = medians[STEP[backend]]
         parts = dict(zip(_PHASES, (check, law, model_time, after), strict=True))
         parts["call from Python, output, state"] = total - sum(parts.values())
         for name, value in (parts | {TOTAL: total}).items():
@@ -70,13 +82,13 @@ def laws(setting: Setting) -> Section:
     """Every surface with every scheme."""
     given, lines = inputs(setting.arm), []
     for k, (surface, scheme) in enumerate((s, c) for s in SURFACES for c in SCHEMES):
-        timers = {ticks.RNEA: timer(ticks.rnea(setting.arm, given))}
+        timers = {RNEA: timer(timing.rnea(setting.arm, given))}
         for backend in BACKENDS:
             made = controller(setting.arm, backend, surface, scheme)
-            timers[ticks.STEP[backend]] = timer(ticks.step(made, given))
-            timers[ticks.LEAN[backend]] = timer(ticks.realtime(made, given))
+            timers[STEP[backend]] = timer(timing.step(made, given))
+            timers[REALTIME[backend]] = timer(timing.realtime(made, given))
         found = interleaved(timers, setting.plan.ticks // 4, rounds=_TURNS // 2)
-        yardstick = median(found.pop(ticks.RNEA))
+        yardstick = median(found.pop(RNEA))
         figures = {f"{RATIO} rnea, {name}": median(x) / yardstick for name, x in found.items()}
         lines.append(Line(f"{surface}, {scheme}", figures))
         setting.on_tick(k + 1, len(SURFACES) * len(SCHEMES))
@@ -95,7 +107,7 @@ def arms(setting: Setting) -> Section:
         arm = load(name)
         timers = {key: timer(made) for key, made in ticks.of_arm(arm).items()}
         found = interleaved(timers, setting.plan.ticks // 4, rounds=_TURNS // 2)
-        yardstick = median(found.pop(ticks.RNEA))
+        yardstick = median(found.pop(RNEA))
         figures = {"joints": float(arm.nv), "pin.rnea [µs]": yardstick}
         figures |= {f"{RATIO} rnea, {key}": median(x) / yardstick for key, x in found.items()}
         lines.append(Line(name, figures))

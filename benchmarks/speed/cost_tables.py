@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from rbimpedance.cli.timing import BACKENDS, RNEA
+
 from . import startup, ticks
-from .cases import BACKENDS
+from .plan import Setting
 from .report import RATIO, Line, Section
-from .setting import Setting
 
 
 def start_up(setting: Setting) -> Section:
@@ -38,7 +39,7 @@ def memory(setting: Setting) -> Section:
     """What ticks allocate, and what stays."""
     lines, count = [], setting.plan.memory
     for name, made in ticks.of_arm(setting.arm).items():
-        if name == ticks.RNEA:
+        if name == RNEA:
             continue
         least, most = startup.allocation(made)
         grown, blocks = startup.growth(made, count, setting.on_tick)

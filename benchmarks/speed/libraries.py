@@ -7,12 +7,12 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
 
-from .cpp import build
+from .build_cpp import build
 from .environments import interpreter, version
 from .workers import Worker, WorkerError
 
-SOURCES = Path(__file__).parents[4] / "benchmarks"
-"""Where a checkout of the project has the C++ loop and the peers' programs."""
+SOURCES = Path(__file__).parent
+"""Where the C++ loop and the programs of the peers are."""
 
 
 class Task(NamedTuple):
@@ -99,7 +99,7 @@ PEERS = {
         {"tick": Task("Pink solve_ik", "inverse kinematics by a quadratic program, no torque")},
     ),
 }
-"""By the names of their programs in benchmarks/peers."""
+"""By the names of their programs in peers/."""
 
 STEP = "step"
 """What MuJoCo's program calls a step of its simulation."""

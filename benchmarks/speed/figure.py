@@ -8,10 +8,11 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ...pictures.figures.style import COLORS, STYLE
+from rbimpedance.pictures.figures.style import COLORS, STYLE
+
 from .report import RATIO, Report, Section
 
-_OURS = ("step", "lean", "simulate")
+_OURS = ("step", "realtime", "simulate")
 
 
 def draw(report: Report) -> Figure:

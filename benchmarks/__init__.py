@@ -1,0 +1,1 @@
+"""The benchmarks, in rooms like those of src/rbimpedance; README.md lists them."""

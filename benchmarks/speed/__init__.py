@@ -1,0 +1,1 @@
+"""What ticks and loops cost, beside C++ and other libraries: python -m benchmarks.speed."""

@@ -1,0 +1,1 @@
+"""The benchmarks: their programs and pages."""
