@@ -56,10 +56,12 @@ add_module_names = False
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 
-# The gallery is drawn where some of it is missing; to draw it anew: python benchmarks/gallery.py docs/gallery
+# The gallery is drawn where some of it is missing; to draw it anew: python -m benchmarks.pictures.gallery docs/gallery
 shown = re.findall(r"gallery/([\w.]+)", (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8"))
 if not all((GALLERY / name).exists() for name in [*shown, "push.html"]):
-    subprocess.run([sys.executable, ROOT / "benchmarks" / "gallery.py", GALLERY], check=True)
+    subprocess.run(
+        [sys.executable, "-m", "benchmarks.pictures.gallery", GALLERY], cwd=ROOT, check=True
+    )
 
 
 def without_described_fields(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from benchmarks.arms import FINGERS
 from rbimpedance.law.super_twisting import Scheme
 from rbimpedance.robot.arm_model import ArmModel
 from rbimpedance.robot.load import load_robot
@@ -11,14 +12,12 @@ SURFACES: tuple[SurfaceName, ...] = ("power", "fast-terminal", "nonsingular-term
 SCHEMES: tuple[Scheme, ...] = ("explicit", "matched", "implicit")
 ARMS = ("two_link", "ur5", "panda", "kinova", "allegro_right_hand", "chain-50")
 
-_FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
-
 
 def load(name: str) -> ArmModel:
     """Return an arm by the name that `load_robot` knows, the panda without its fingers, or `chain-N`."""
     if name.startswith("chain-"):
         return chain(int(name.removeprefix("chain-")))
-    return load_robot(name, lock=_FINGERS if name == "panda" else ())
+    return load_robot(name, lock=FINGERS if name == "panda" else ())
 
 
 def chain(joints: int) -> ArmModel:

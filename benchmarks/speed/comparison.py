@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.arms import FINGERS
 from rbimpedance._common.arrays import Array
 from rbimpedance.cli import timing
 from rbimpedance.cli.timing import (
@@ -51,7 +52,6 @@ _CPP_TASKS = {
     "tick": Task(_TICK, "no checks of the inputs"),
     "rnea": Task("C++ rnea alone", "no controller"),
 }
-_FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
 
 
 def compare(
@@ -78,7 +78,7 @@ def compare(
 def _description() -> tuple[str, ArmModel]:
     description = load_robot("panda").description
     assert description is not None
-    urdf = plain(description.xml, _FINGERS)
+    urdf = plain(description.xml, FINGERS)
     return urdf, load_robot(urdf)
 
 

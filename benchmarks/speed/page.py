@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rich.table import Table
 
+from benchmarks import pages
 from rbimpedance.cli.terminal import number, table
 from rbimpedance.exceptions import InputError
 
@@ -45,10 +46,10 @@ def markdown(report: Report, figure: str) -> str:
         report: The report.
         figure: Address of the figure, relative to the page.
     """
-    parts = [_markdown_table(("", "measured on"), [list(x) for x in report.machine.items()])]
+    parts = [pages.markdown(("", "measured on"), [list(x) for x in report.machine.items()])]
     parts.append(f"![Costs as ratios]({figure})")
     for section in report.sections:
-        parts += [f"## {section.title}", section.text, _markdown_table(*_cells(section))]
+        parts += [f"## {section.title}", section.text, pages.markdown(*_cells(section))]
     return "\n\n".join(parts)
 
 
@@ -82,8 +83,3 @@ def _figure(value: float | None) -> str:
     if value is None:
         return ""
     return f"{value:.0f}" if abs(value) >= 1000.0 else number(value)
-
-
-def _markdown_table(header: tuple[str, ...], rows: list[list[str]]) -> str:
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)

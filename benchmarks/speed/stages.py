@@ -44,13 +44,13 @@ def stage_times(made: ImpedanceController, given: Inputs, rounds: int) -> tuple[
     return tuple(float(x) for x in np.diff(ends, prepend=0.0))
 
 
-def _time(call: Callable[[int, int], int], stages: int) -> float:
+def _time(call: Callable[[int], int], stages: int) -> float:
     start = clock()
-    call(_REPETITIONS, stages)
+    call(stages)
     return (clock() - start) / 1e3 / _REPETITIONS
 
 
-def _prepared(made: ImpedanceController, given: Inputs) -> Callable[[int, int], int]:
+def _prepared(made: ImpedanceController, given: Inputs) -> Callable[[int], int]:
     nv, reaching = made.arm.nv, made.reaching
     assert isinstance(reaching, SuperTwisting)
     law = pack_law(
@@ -70,7 +70,7 @@ def _prepared(made: ImpedanceController, given: Inputs) -> Callable[[int, int], 
 @functools.cache
 def _kernel() -> Callable[..., Any]:
     vectors = (VECTOR_IN,) * 6
-    numbers = (types.int64, types.int64)
+    numbers = (types.int64,)
     return kernel(_stages, (ARM, SPACE, LAW, SCRATCH, OWN_MATRIX, *vectors, *numbers))
 
 
@@ -86,11 +86,10 @@ def _stages(
     v_d: Array,
     a_d: Array,
     tau_ext: Array,
-    count: int,
     stages: int,
 ) -> int:
     given, done = Measured(q, v, q_d, v_d, a_d, tau_ext), 0
-    for _ in range(count):
+    for _ in range(_REPETITIONS):
         if stages & CHECK and is_sound(arm, given):
             done += 1
         if stages & LAW_STAGE:

@@ -81,7 +81,7 @@ def test_every_command_of_a_page_is_one_that_the_command_line_takes(path: Path) 
 def test_every_link_of_a_page_leads_somewhere(path: Path) -> None:
     text = re.sub(r"```.*?```", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
     targets = re.findall(r"\]\((?!https?://|#)([^)#\s]+)", text)
-    drawn = re.compile(r"gallery/\w+\.png")  # by benchmarks/gallery.py
+    drawn = re.compile(r"gallery/\w+\.png")  # by benchmarks/pictures/gallery.py
     missing = [t for t in targets if not drawn.fullmatch(t) and not (path.parent / t).exists()]
     assert missing == []
 
@@ -95,7 +95,7 @@ def test_every_page_is_in_a_table_of_contents() -> None:
 
 
 def test_gallery_and_its_script_show_every_figure_that_there_is() -> None:
-    script = (ROOT / "benchmarks" / "gallery.py").read_text(encoding="utf-8")
+    script = (ROOT / "benchmarks" / "pictures" / "gallery.py").read_text(encoding="utf-8")
     page = (DOCS / "gallery.md").read_text(encoding="utf-8")
     figures = {name for name, value in vars(plotting).items() if inspect.isfunction(value)} - {
         "save"

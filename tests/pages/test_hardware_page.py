@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import importlib
 import json
-import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
 import rbimpedance as rbi
+from benchmarks.arms import ARMS
+from benchmarks.control.hardware import page
+from benchmarks.control.hardware.linear import Linear
 from rbimpedance.tuning.gain_design import slope_at_zero
 from rbimpedance.tuning.input_gain import loop_matrix
 
@@ -23,24 +22,15 @@ ROOT = Path(__file__).parents[2]
 FIGURES = ROOT / "docs" / "figures" / "hardware.json"
 
 
-@pytest.fixture(scope="module")
-def parts() -> Iterator[Callable[[str], ModuleType]]:
-    sys.path.insert(0, str(ROOT / "benchmarks"))
-    try:
-        yield lambda name: importlib.import_module(f"hardware_parts.{name}")
-    finally:
-        sys.path.pop(0)
-
-
-def test_tables_are_those_of_the_measured_figures(parts: Callable[[str], Any]) -> None:
-    page = (ROOT / "docs" / "hardware-limits.md").read_text("utf-8")
+def test_tables_are_those_of_the_measured_figures() -> None:
+    text = (ROOT / "docs" / "hardware-limits.md").read_text("utf-8")
     rows = json.loads(FIGURES.read_text("utf-8"))["arms"]
-    assert rows.keys() == parts("trials").ARMS.keys()
-    for place, table in parts("page").tables(rows).items():
-        assert f"<!-- {place} -->\n\n{table}\n\n<!-- end of {place} -->" in page, place
+    assert rows.keys() == ARMS.keys()
+    for place, table in page.tables(rows).items():
+        assert f"<!-- {place} -->\n\n{table}\n\n<!-- end of {place} -->" in text, place
 
 
-def linear(parts: Callable[[str], Any], **changes: Any) -> Any:
+def linear(**changes: Any) -> Any:
     """One link of 0.5 on a rotor of 0.2 kg·m²."""
     one = np.ones(1)
     settings: dict[str, Any] = {
@@ -57,31 +47,25 @@ def linear(parts: Callable[[str], Any], **changes: Any) -> Any:
         "margin": 2.0,
         "h": 1e-3,
     }
-    return parts("linear").Linear(**(settings | changes))
+    return Linear(**(settings | changes))
 
 
 @pytest.mark.parametrize("gain", [0.5, 1.0, 2.0, 4.0])
-def test_perfect_drive_gives_the_loop_of_the_gains(
-    parts: Callable[[str], Any], gain: float
-) -> None:
-    loop = linear(parts, model=gain * 0.7 * np.eye(1))
+def test_perfect_drive_gives_the_loop_of_the_gains(gain: float) -> None:
+    loop = linear(model=gain * 0.7 * np.eye(1))
     values = np.linalg.eigvals(loop_matrix(gain, 2.0, 0, 60.0 * 1e-3))
     assert loop.radius() == pytest.approx(np.abs(values).max(), rel=1e-9)
 
 
-def test_very_stiff_springs_and_fast_torque_give_the_loop_of_a_perfect_drive(
-    parts: Callable[[str], Any],
-) -> None:
-    rigid = linear(parts).radius()
-    stiff = linear(parts, stiffness=np.array([1e11]), damping=np.array([1e6])).radius()
-    fast = linear(parts, time_constant=1e-8).radius()
+def test_very_stiff_springs_and_fast_torque_give_the_loop_of_a_perfect_drive() -> None:
+    rigid = linear().radius()
+    stiff = linear(stiffness=np.array([1e11]), damping=np.array([1e6])).radius()
+    fast = linear(time_constant=1e-8).radius()
     assert [stiff, fast] == pytest.approx([rigid, rigid], rel=1e-4)
 
 
 @pytest.mark.parametrize("is_elastic", [False, True])
-def test_runs_settle_and_chatter_where_linear_theory_says(
-    parts: Callable[[str], Any], is_elastic: bool
-) -> None:
+def test_runs_settle_and_chatter_where_linear_theory_says(is_elastic: bool) -> None:
     arm = pendulum().with_gravity(np.zeros(3)).with_armature(0.2)
     surface = rbi.FastTerminalSurface(2.0, 3.0, 0.6, smoothing=1e-2)
     trajectory, slope = rbi.trajectories.hold(arm), float(slope_at_zero(surface, 1)[0])
@@ -89,7 +73,7 @@ def test_runs_settle_and_chatter_where_linear_theory_says(
 
     def loop(margin: float) -> Any:
         changes = {name: np.array([value]) for name, value in springs.items()}
-        return linear(parts, **changes, slope=slope, margin=margin, time_constant=4e-3)
+        return linear(**changes, slope=slope, margin=margin, time_constant=4e-3)
 
     below, above = 1.0, 100.0  # unstable and stable margins
     assert not loop(below).is_stable()

@@ -2,38 +2,27 @@
 
 from __future__ import annotations
 
-import importlib
 import json
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from benchmarks.study import standard_study
 from rbimpedance.study.standard import STANDARD
 
 ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
-def script() -> Iterator[Any]:
-    sys.path.insert(0, str(ROOT / "benchmarks"))
-    try:
-        yield importlib.import_module("standard_study")
-    finally:
-        sys.path.pop(0)
-
-
-@pytest.fixture(scope="module")
-def figures(script: Any) -> dict[str, Any]:
-    told: dict[str, Any] = json.loads(script.FIGURES.read_text("utf-8"))
+def figures() -> dict[str, Any]:
+    told: dict[str, Any] = json.loads(standard_study.FIGURES.read_text("utf-8"))
     return told
 
 
-def test_tables_are_those_of_the_measured_figures(script: Any, figures: dict[str, Any]) -> None:
-    page = script.PAGE.read_text("utf-8")
-    for place, table in script.tables(figures).items():
+def test_tables_are_those_of_the_measured_figures(figures: dict[str, Any]) -> None:
+    page = standard_study.PAGE.read_text("utf-8")
+    for place, table in standard_study.tables(figures).items():
         assert f"<!-- {place} -->\n\n{table}\n\n<!-- end of {place} -->" in page, place
 
 
@@ -56,7 +45,5 @@ def test_figures_are_of_the_whole_study_as_it_is_defined_now(figures: dict[str, 
         (83400.0, "8.3e+04"),
     ],
 )
-def test_figures_are_written_with_two_digits(
-    script: Any, value: float | None, written: str
-) -> None:
-    assert script.number(value) == written
+def test_figures_are_written_with_two_digits(value: float | None, written: str) -> None:
+    assert standard_study.number(value) == written

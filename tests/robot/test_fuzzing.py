@@ -1,4 +1,4 @@
-"""A slice of the fuzzing of `benchmarks/fuzz_urdf.py`; continuous integration runs a longer one."""
+"""A slice of the fuzzing of `benchmarks/robot/fuzz_urdf.py`; continuous integration runs a longer one."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ ROOT = Path(__file__).parents[2]
 
 
 def test_spoiled_robots_are_refused_or_sound(tmp_path: Path) -> None:
-    script = ROOT / "benchmarks" / "fuzz_urdf.py"
     options = ("--seconds", "0", "--seed", "7", "--save", str(tmp_path), "--corpus", str(tmp_path))
     run = subprocess.run(
-        [sys.executable, "-W", "ignore", script, *options],
+        [sys.executable, "-W", "ignore", "-m", "benchmarks.robot.fuzz_urdf", *options],
+        cwd=ROOT,
         capture_output=True,
         text=True,
         timeout=300,

@@ -198,7 +198,7 @@ def test_result_files_hold_no_time_of_day(tmp_path: Path, monkeypatch: pytest.Mo
 
 def test_filter_and_integrator_do_not_drift() -> None:
     """Ten minutes of a motion of 6 s: looked at once a minute, everything is where it was. A day of it is measured by
-    benchmarks/reliability.py."""
+    benchmarks/control/reliability."""
     arm = rbi.load_robot("two_link")
     controller = rbi.ImpedanceController(
         arm,

@@ -1,0 +1,1 @@
+"""The parts of the script: python -m benchmarks.control.hardware."""
