@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
 
-Names = list[str] | None
+Names = Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only these; repeatable.")]
 
 
 def study(
@@ -47,15 +47,9 @@ def study(
     samples: Annotated[
         int | None, typer.Option("--samples", metavar="N", help="Only the first N of each.")
     ] = None,
-    robots: Annotated[
-        Names, typer.Option("--robots", metavar="NAME", help="Only these; repeatable.")
-    ] = None,
-    controllers: Annotated[
-        Names, typer.Option("--controllers", metavar="NAME", help="Only these; repeatable.")
-    ] = None,
-    disturbances: Annotated[
-        Names, typer.Option("--disturbances", metavar="NAME", help="Only these; repeatable.")
-    ] = None,
+    robots: Names = None,
+    controllers: Names = None,
+    disturbances: Names = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress bar and no table.")] = False,
 ) -> None:

@@ -6,10 +6,7 @@ import functools
 import platform
 import re
 from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
-from time import perf_counter
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -26,20 +23,10 @@ VERSIONS = ("rbimpedance", "pin", "numpy")
 Maker: TypeAlias = Callable[[Task], Controller[Any]]
 """Makes a controller."""
 
+Answer: TypeAlias = list[Figures] | str
+"""Rows of a chunk, one for each run, samples first, controllers within; or why there are none."""
+
 _ADDRESS = re.compile(r"0x[0-9a-fA-F]{6,}")
-
-
-@dataclass(frozen=True)
-class Answer:
-    """What came of a chunk.
-
-    Attributes:
-        rows: One for each run, samples first, controllers within.
-        seconds: What the runs of each controller took [s]; and "task", making what they are made for.
-    """
-
-    rows: list[Figures]
-    seconds: dict[str, float]
 
 
 class Tasks:
@@ -68,7 +55,7 @@ def run_chunk(
     disturbance: str,
     tasks: Tasks,
     on_run: Callable[[], None] = lambda: None,
-) -> Answer:
+) -> list[Figures]:
     """Run all samples of one robot under one disturbance with all controllers.
 
     Args:
@@ -79,19 +66,13 @@ def run_chunk(
         on_run: Called after every run.
     """
     rows: list[Figures] = []
-    begin = perf_counter()
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # of runs that diverge
-        with suppress(Exception):  # which every run meets anew
-            tasks(robot)
-        seconds = {"task": perf_counter() - begin} | dict.fromkeys(study.controllers, 0.0)
         for sample in range(study.samples):
             for controller in study.controllers:
-                begin = perf_counter()
                 run = functools.partial(_run, study, tasks, robot, disturbance, sample, controller)
                 rows.append(key(study, robot, disturbance, sample, controller) | _tried(run))
-                seconds[controller] += perf_counter() - begin
                 on_run()
-    return Answer(rows, seconds)
+    return rows
 
 
 def lost(study: Study, robot: str, disturbance: str, reason: str) -> list[Figures]:

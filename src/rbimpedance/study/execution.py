@@ -90,7 +90,7 @@ class _Progress:
 @contextmanager
 def _answers(
     study: Study, chunks: Sequence[Chunk], jobs: int, scheduler: str | None, progress: _Progress
-) -> Iterator[Iterator[tuple[Chunk, Answer | str]]]:
+) -> Iterator[Iterator[tuple[Chunk, Answer]]]:
     """What comes of chunks, or why nothing did, by whatever computes them."""
     if not chunks or (jobs == 1 and scheduler is None):
         tasks = Tasks(study)
@@ -101,8 +101,8 @@ def _answers(
 
 
 def _counted(
-    answers: Iterator[tuple[Chunk, Answer | str]], runs: int, progress: _Progress
-) -> Iterator[tuple[Chunk, Answer | str]]:
+    answers: Iterator[tuple[Chunk, Answer]], runs: int, progress: _Progress
+) -> Iterator[tuple[Chunk, Answer]]:
     for chunk, answer in answers:
         yield chunk, answer
         progress.add(runs)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from .._common.files import remove_parts, whole_file
 from ..exceptions import RBImpedanceError
-from .chunk import Answer
 from .definition import Study
 from .identity import differences, identity
 from .measures import Figures
@@ -22,7 +21,7 @@ FORMAT = "rbimpedance study 1"
 """What a manifest begins with."""
 
 MANIFEST = "manifest.json"
-"""Its name: what the folder is of, and what its chunks took."""
+"""Its name: what the folder is of."""
 
 Chunk = tuple[str, str]
 """Robot and disturbance."""
@@ -49,12 +48,9 @@ class StudyFolder:
         self._check()
         (path / "parts").mkdir(parents=True, exist_ok=True)
         remove_parts(path / MANIFEST)
-        self._write_manifest({})
-
-    @property
-    def table_path(self) -> Path:
-        """Where the table goes."""
-        return self.path / f"{self.study.name}.parquet"
+        data = {"format": FORMAT, "study": self._identity}
+        with whole_file(path / MANIFEST) as file:
+            file.write((json.dumps(data, indent=1) + "\n").encode())
 
     def rows(self, chunk: Chunk) -> list[Figures] | None:
         """Return the rows of a chunk that is done; None where it is not, or its file is damaged.
@@ -66,16 +62,15 @@ class StudyFolder:
         whole = rows is not None and len(rows) == self.study.runs_per_chunk
         return rows if whole else None
 
-    def keep(self, chunk: Chunk, answer: Answer) -> None:
+    def keep(self, chunk: Chunk, rows: list[Figures]) -> None:
         """Write what came of a chunk.
 
         Args:
             chunk: Robot and disturbance.
-            answer: Its rows and times.
+            rows: Its rows.
         """
         remove_parts(self._part(chunk))
-        write(as_table(answer.rows), self._part(chunk))
-        self._write_manifest({self._part(chunk).stem: answer.seconds})
+        write(as_table(rows), self._part(chunk))
 
     def finish(self, lost: Mapping[Chunk, list[Figures]]) -> pa.Table:
         """Write the table of all chunks in the study's order, and return it.
@@ -87,13 +82,8 @@ class StudyFolder:
         for chunk in self.study.chunks:
             rows += lost[chunk] if chunk in lost else self.rows(chunk) or []
         table = as_table(rows)
-        write(table, self.table_path)
+        write(table, self.path / f"{self.study.name}.parquet")
         return table
-
-    def seconds(self) -> dict[str, dict[str, float]]:
-        """Return what the chunks took, by their files, then by task and controllers [s]."""
-        found: dict[str, dict[str, float]] = self._manifest().get("seconds", {})
-        return found
 
     def _part(self, chunk: Chunk) -> Path:
         i = self.study.chunks.index(chunk)
@@ -124,10 +114,3 @@ class StudyFolder:
         if not isinstance(found, dict):
             raise StudyError(f"'{path}' is not the manifest of a study")
         return found
-
-    def _write_manifest(self, seconds: dict[str, dict[str, float]]) -> None:
-        """Write the manifest with the times of further chunks."""
-        known = self.seconds() | seconds
-        data = {"format": FORMAT, "study": self._identity, "seconds": dict(sorted(known.items()))}
-        with whole_file(self.path / MANIFEST) as file:
-            file.write((json.dumps(data, indent=1) + "\n").encode())

@@ -16,6 +16,7 @@ from ..exceptions import MissingExtraError
 from .chunk import VERSIONS, Answer, Tasks, run_chunk, versions
 from .definition import Study
 from .folder import Chunk, StudyError
+from .measures import Figures
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """What limits the cores of a process of this machine to one."""
@@ -68,9 +69,7 @@ def cluster(jobs: int, scheduler: str | None) -> Iterator[Any]:
         yield client
 
 
-def run_on(
-    client: Any, study: Study, chunks: Sequence[Chunk]
-) -> Iterator[tuple[Chunk, Answer | str]]:
+def run_on(client: Any, study: Study, chunks: Sequence[Chunk]) -> Iterator[tuple[Chunk, Answer]]:
     """Return what comes of each chunk as it comes, or the reason why nothing does.
 
     Args:
@@ -123,7 +122,7 @@ def check_workers(client: Any) -> None:
                 raise StudyError(f"worker {worker} has {name} {found}; this process has {own}")
 
 
-def _on_worker(run: str, told: bytes, robot: str, disturbance: str) -> Answer:
+def _on_worker(run: str, told: bytes, robot: str, disturbance: str) -> list[Figures]:
     """Compute one chunk, with what earlier chunks of this start of the study left in the thread."""
     if getattr(_here, "run", None) != run:
         study: Study = pickle.loads(told)

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._common.arrays import Array
+from .._common.arrays import Array, BoolArray
 from ..exceptions import ParameterError
-from .measures import Figures
+from .table import arrow
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -20,7 +17,7 @@ COMPARED = ("deviation_rms", "e_im_rms", "tau_variation")
 """The figures that pairs are compared by."""
 
 MEDIANS = ("deviation_rms", "deviation_max", "e_im_rms", "e1_rms", "tau_variation", "tau_peak")
-"""The figures whose medians are told."""
+"""The figures that each controller has its median of."""
 
 ALIKE = 1.25
 """Torque variations that differ by no more than this factor count as equal."""
@@ -31,49 +28,10 @@ CONFIDENCE = 0.95
 RESAMPLES = 9999
 """Of the bootstrap."""
 
-Cell = tuple[str, str]
-"""Robot and disturbance."""
+CELL = ["robot", "disturbance"]
+"""Columns of what samples are alike in."""
 
-
-@dataclass(frozen=True)
-class Pair:
-    """What two controllers did in the same experiment.
-
-    Attributes:
-        cell: Robot and disturbance.
-        ours: Row of the first controller.
-        other: Row of the other.
-    """
-
-    cell: Cell
-    ours: Figures
-    other: Figures
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether both runs came to their end."""
-        return bool(self.ours["status"] == self.other["status"] == "done")
-
-    @property
-    def is_alike(self) -> bool:
-        """Whether both came to their end with equal variation of the torque, within `ALIKE`."""
-        return self.is_whole and abs(self.log_ratio("tau_variation")) <= np.log(ALIKE)
-
-    @property
-    def is_worse(self) -> bool:
-        """Whether ours has the larger deviation, or did not come to its end where the other did."""
-        if self.is_whole:
-            return self.log_ratio(COMPARED[0]) > 0.0
-        return bool(self.other["status"] == "done")
-
-    def log_ratio(self, figure: str) -> float:
-        """Return the logarithm of ours over the other's, of two runs that came to their end.
-
-        Args:
-            figure: Name of the column.
-        """
-        ours, other = max(self.ours[figure], _TINY), max(self.other[figure], _TINY)
-        return float(np.log(ours / other))
+_TINY = 1e-15  # figures below it count as it: ratios need no zero
 
 
 def summarize(table: pa.Table) -> dict[str, Any]:
@@ -93,54 +51,62 @@ def summarize(table: pa.Table) -> dict[str, Any]:
     Raises:
         ParameterError: The table has no row.
     """
-    rows: list[Figures] = table.to_pylist()
-    if not rows:
+    if not table.num_rows:
         raise ParameterError("table", "no row", "the table of a study")
-    names = list(dict.fromkeys(row["controller"] for row in rows))
-    ours = names[0]
+    ours, *others = table["controller"].unique().to_pylist()
+    runs = {name: _runs(table, name) for name in (ours, *others)}
     return {
-        "study": rows[0]["study"],
+        "study": table["study"][0].as_py(),
         "ours": ours,
-        "runs": len(rows),
-        "controllers": {
-            name: _alone([row for row in rows if row["controller"] == name]) for name in names
-        },
-        "compared": {name: _compared(pairs(rows, ours, name)) for name in names[1:]},
+        "runs": table.num_rows,
+        "controllers": {name: _alone(of_name) for name, of_name in runs.items()},
+        "compared": {name: _compared(pairs(runs[ours], runs[name])) for name in others},
     }
 
 
-def pairs(rows: Iterable[Figures], ours: str, other: str) -> list[Pair]:
-    """Return the runs of two controllers in the same experiments.
+def pairs(ours: pa.Table, other: pa.Table) -> pa.Table:
+    """Return the experiments that two controllers were both put through, in the order of ours.
 
     Args:
-        rows: Of the table.
-        ours: Name of the one.
-        other: Name of the other.
+        ours: Rows of the first controller.
+        other: Rows of the other.
+
+    Returns:
+        By robot and disturbance: whether each run came to its end, "ended" and "other_ended"; the logarithms of the
+        deviations, "ours" and "other", and those of the ratios, by `COMPARED`. They are null where one run did not.
     """
-    found: dict[tuple[str, str, int], dict[str, Figures]] = {}
-    for row in rows:
-        experiment = row["robot"], row["disturbance"], row["sample"]
-        found.setdefault(experiment, {})[row["controller"]] = row
-    return [
-        Pair((robot, disturbance), runs[ours], runs[other])
-        for (robot, disturbance, _), runs in found.items()
-        if ours in runs and other in runs
-    ]
+    pa = arrow()
+    keys, figures = [*CELL, "sample"], ["status", *COMPARED]
+    ours = ours.select([*keys, *figures]).append_column("place", pa.array(range(ours.num_rows)))
+    found = ours.join(other.select([*keys, *figures]), keys, None, "inner", "", "_other")
+    found = found.sort_by("place")
+    ended, other_ended = (found[name].to_numpy() == "done" for name in ("status", "status_other"))
+    logs = {
+        name: np.log(np.maximum(found[name].to_numpy().astype(np.float64), _TINY))
+        for figure in COMPARED
+        for name in (figure, f"{figure}_other")
+    }
+    lost = ~(ended & other_ended)
+    columns = {name: logs[name] - logs[f"{name}_other"] for name in COMPARED}
+    columns |= {"ours": logs[COMPARED[0]], "other": logs[f"{COMPARED[0]}_other"]}
+    return pa.table(
+        {name: found[name] for name in CELL}
+        | {"ended": ended, "other_ended": other_ended}
+        | {name: pa.array(column, mask=lost) for name, column in columns.items()}
+    )
 
 
-def geometric_mean(logs: Mapping[Cell, Sequence[float]]) -> dict[str, Any]:
+def geometric_mean(sums: Array, counts: Array) -> dict[str, Any]:
     """Return exp(mean of all logarithms), and its confidence interval, cells drawn anew with all that is in them.
 
     Args:
-        logs: Logarithms of ratios, by robot and disturbance.
+        sums: Sum of the logarithms of each cell, a robot under a disturbance.
+        counts: How many logarithms each has, at least one.
     """
-    cells = [values for values in logs.values() if values]
-    sums = np.array([sum(values) for values in cells])
-    counts = np.array([len(values) for values in cells], dtype=np.float64)
-    told: dict[str, Any] = {"pairs": int(counts.sum()), "cells": len(cells)}
-    if not cells:
+    told: dict[str, Any] = {"pairs": int(counts.sum()), "cells": len(counts)}
+    if not told["cells"]:
         return told | {"ratio": None, "low": None, "high": None}
-    low, high = _interval(sums, counts) if len(cells) > 1 else (None, None)
+    low, high = _interval(sums, counts) if told["cells"] > 1 else (None, None)
     return told | {"ratio": float(np.exp(sums.sum() / counts.sum())), "low": low, "high": high}
 
 
@@ -163,82 +129,72 @@ def _interval(sums: Array, counts: Array) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _alone(rows: list[Figures]) -> dict[str, Any]:
+def _runs(table: pa.Table, controller: str) -> pa.Table:
+    return table.filter(arrow().compute.equal(table["controller"], controller))
+
+
+def _alone(runs: pa.Table) -> dict[str, Any]:
     """Counts and medians of one controller."""
-    done = [row for row in rows if row["status"] == "done"]
-    counts = {
-        status: sum(row["status"] == status for row in rows)
-        for status in ("done", "diverged", "failed")
-    }
+    statuses = runs["status"].to_pylist()
+    done = runs.filter(arrow().compute.equal(runs["status"], "done"))
     medians = {
-        name: float(np.median([row[name] for row in done])) if done else None for name in MEDIANS
+        name: float(np.median(done[name].to_numpy())) if done.num_rows else None for name in MEDIANS
     }
-    return {"runs": len(rows)} | counts | {"median": medians}
+    counts = {name: statuses.count(name) for name in ("done", "diverged", "failed")}
+    return {"runs": runs.num_rows} | counts | {"median": medians}
 
 
-def _compared(found: list[Pair]) -> dict[str, Any]:
+def _compared(found: pa.Table) -> dict[str, Any]:
     """Ours against another."""
-    decided = [pair for pair in found if "done" in (pair.ours["status"], pair.other["status"])]
-    worse = sum(pair.is_worse for pair in decided)
+    ended, other_ended = found["ended"].to_numpy(), found["other_ended"].to_numpy()
+    both, decided = ended & other_ended, int((ended | other_ended).sum())
+    log_deviation, log_variation = (
+        found[name].to_numpy() for name in (COMPARED[0], "tau_variation")
+    )
+    alike = both & (np.abs(log_variation) <= np.log(ALIKE))
+    worse = int(np.where(both, log_deviation > 0.0, other_ended).sum())
     return {
-        "pairs": len(found),
-        "only_ours_ended": sum(_ended(pair) == (True, False) for pair in found),
-        "only_other_ended": sum(_ended(pair) == (False, True) for pair in found),
-        "none_ended": len(found) - len(decided),
+        "pairs": found.num_rows,
+        "only_ours_ended": int((ended & ~other_ended).sum()),
+        "only_other_ended": int((other_ended & ~ended).sum()),
+        "none_ended": found.num_rows - decided,
         "worse": worse,
-        "share_worse": worse / len(decided) if decided else None,
-        "all": _ratios(found, lambda pair: pair.is_whole),
-        "equal_torque_variation": _ratios(found, lambda pair: pair.is_alike),
+        "share_worse": worse / decided if decided else None,
+        "all": _ratios(found, both),
+        "equal_torque_variation": _ratios(found, alike),
         "worse_cells": _worse_cells(found),
     }
 
 
-def _ended(pair: Pair) -> tuple[bool, bool]:
-    return pair.ours["status"] == "done", pair.other["status"] == "done"
-
-
-def _ratios(found: list[Pair], counts: Callable[[Pair], bool]) -> dict[str, Any]:
+def _ratios(found: pa.Table, counted: BoolArray) -> dict[str, Any]:
     """Geometric means over the pairs that count."""
-    logs: dict[str, dict[Cell, list[float]]] = {name: {} for name in COMPARED}
-    for pair in filter(counts, found):
-        for name, of_cell in logs.items():
-            of_cell.setdefault(pair.cell, []).append(pair.log_ratio(name))
-    return {name: geometric_mean(of_cell) for name, of_cell in logs.items()}
-
-
-def _worse_cells(found: list[Pair]) -> list[dict[str, Any]]:
-    """Where ours is worse, in the mean of a robot and a disturbance or in runs that came to their end; worst first."""
-    cells = []
-    for cell, members in groupby(sorted(found, key=_cell_of), key=_cell_of):
-        told = _cell(cell, list(members))
-        if told["lost"] > 0 or (told["ratio"] or 0.0) > 1.0:
-            cells.append(told)
-    return sorted(cells, key=lambda told: (-told["lost"], -(told["ratio"] or 0.0)))
-
-
-def _cell_of(pair: Pair) -> Cell:
-    return pair.cell
-
-
-def _cell(cell: Cell, members: list[Pair]) -> dict[str, Any]:
-    """The deviations of both in one cell; "lost": how many runs more of ours did not end."""
-    whole = [pair for pair in members if pair.is_whole]
-    ours, other = (
-        float(np.exp(np.mean([np.log(max(row[COMPARED[0]], _TINY)) for row in rows])))
-        if rows
-        else None
-        for rows in ([pair.ours for pair in whole], [pair.other for pair in whole])
-    )
-    endings = np.array([_ended(pair) for pair in members])
+    cells = found.filter(counted).group_by(CELL, use_threads=False)
+    sums = cells.aggregate([(name, function) for name in COMPARED for function in ("sum", "count")])
+    columns = {name: sums[name].to_numpy() for name in sums.column_names}
     return {
-        "robot": cell[0],
-        "disturbance": cell[1],
-        "pairs": len(members),
-        "ours": ours,
-        "other": other,
-        "ratio": None if ours is None or other is None else ours / other,
-        "lost": int(endings[:, 1].sum() - endings[:, 0].sum()),
+        name: geometric_mean(columns[f"{name}_sum"], columns[f"{name}_count"].astype(np.float64))
+        for name in COMPARED
     }
 
 
-_TINY = 1e-15  # figures below it count as it: ratios need no zero
+def _worse_cells(found: pa.Table) -> list[dict[str, Any]]:
+    """Where ours is worse, in the mean of a robot and a disturbance or in runs that came to their end; worst first.
+
+    "lost": how many runs more of ours did not end.
+    """
+    asked = [("ended", "count"), ("ours", "mean"), ("other", "mean")]
+    asked += [("ended", "sum"), ("other_ended", "sum")]
+    cells = []
+    for row in found.group_by(CELL, use_threads=False).aggregate(asked).to_pylist():
+        ours, other = (
+            None if row[name] is None else float(np.exp(row[name]))
+            for name in ("ours_mean", "other_mean")
+        )
+        ratio = None if ours is None or other is None else ours / other
+        lost = row["other_ended_sum"] - row["ended_sum"]
+        told = {name: row[name] for name in CELL} | {"pairs": row["ended_count"]}
+        if lost > 0 or (ratio or 0.0) > 1.0:
+            cells.append(told | {"ours": ours, "other": other, "ratio": ratio, "lost": lost})
+    return sorted(
+        cells, key=lambda c: (-c["lost"], -(c["ratio"] or 0.0), c["robot"], c["disturbance"])
+    )

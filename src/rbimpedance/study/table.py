@@ -49,13 +49,14 @@ COLUMNS = {
 
 
 def arrow() -> ModuleType:
-    """Return the module `pyarrow` with `pyarrow.parquet`.
+    """Return the module `pyarrow` with `pyarrow.compute` and `pyarrow.parquet`.
 
     Raises:
         MissingExtraError: It is not installed.
     """
     try:
         import pyarrow as pa  # noqa: PLC0415 (an extra)
+        import pyarrow.compute  # noqa: PLC0415
         import pyarrow.parquet  # noqa: PLC0415
     except ImportError as error:
         raise MissingExtraError("a study's table", "study") from error
