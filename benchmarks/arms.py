@@ -32,10 +32,13 @@ def motion(arm: rbi.ArmModel, period: float = 6.0) -> Trajectory:
 
 
 def law(
-    arm: rbi.ArmModel, reaching: rbi.SuperTwisting, impedance: rbi.Impedance | None = None
+    arm: rbi.ArmModel,
+    reaching: rbi.SuperTwisting,
+    impedance: rbi.Impedance | None = None,
+    **more: Any,
 ) -> rbi.ImpedanceController:
     """Return the usual law: fast terminal surface, period `DT`, impedance (1, 10, 20) unless another is given."""
     surface = rbi.FastTerminalSurface(rate=2.0, gamma=3.0, exponent=0.6)
     return rbi.ImpedanceController(
-        arm, impedance or rbi.Impedance(1.0, 10.0, 20.0), surface, reaching, DT
+        arm, impedance or rbi.Impedance(1.0, 10.0, 20.0), surface, reaching, DT, **more
     )

@@ -12,6 +12,7 @@ import argparse
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -65,16 +66,9 @@ class Conditioned(SuperTwisting):
 class Clipping(Limits):
     """Every torque on its own: a joint at its limit disturbs the others."""
 
-    def allocate(
-        self,
-        tau: Array,
-        mass_matrix: Callable[[], Array],
-        *,
-        before: Array | None = None,
-        dt: float = np.inf,
-    ) -> Allocation:
+    def allocate(self, tau: Array, mass_matrix: Callable[[], Array], **rate: Any) -> Allocation:
         """Clip."""
-        del before, dt
+        del rate
         applied = np.clip(tau, -self.effort, self.effort)
         acceleration_deficit = np.asarray(
             np.linalg.solve(mass_matrix(), tau - applied), dtype=np.float64

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import rbimpedance as rbi
-from benchmarks.arms import DT, Array
+from benchmarks.arms import DT, Array, law
 from benchmarks.pages import markdown
 from rbimpedance.trajectories import cosine
 
@@ -37,15 +37,8 @@ def day(hours: float) -> str:
 def minutes(count: int) -> Any:
     """Run so many minutes; logged is one tick of each."""
     arm = rbi.load_robot("two_link")
-    controller = rbi.ImpedanceController(
-        arm,
-        rbi.Impedance(1.0, 10.0, 20.0),
-        rbi.FastTerminalSurface(2.0, 3.0, 0.6),
-        rbi.SuperTwisting(15.0, 40.0),
-        DT,
-        limits=rbi.Limits(60.0, PEAK_RATE),
-        backend="compiled",
-    )
+    limits = rbi.Limits(60.0, PEAK_RATE)
+    controller = law(arm, rbi.SuperTwisting(15.0, 40.0), limits=limits, backend="compiled")
     return rbi.simulate_batch(
         [controller],
         arm.with_payload(0.3),

@@ -8,7 +8,7 @@ import numpy as np
 
 import rbimpedance as rbi
 from benchmarks import arms
-from benchmarks.arms import DT, Array
+from benchmarks.arms import Array
 from rbimpedance.control.guards.fault_guard import FaultGuard
 from rbimpedance.control.guards.faults import OperatingRange
 
@@ -28,14 +28,9 @@ def load(name: str) -> tuple[rbi.ArmModel, Array]:
 
 def law(arm: rbi.ArmModel, share: float = 1.0, stiffness: float = 100.0) -> rbi.ImpedanceController:
     """Return the controller of the table, with a share of the arm's effort limits."""
-    return rbi.ImpedanceController(
-        arm,
-        rbi.Impedance(1.0, 20.0, stiffness),
-        rbi.FastTerminalSurface(2.0, 3.0, 0.6),
-        rbi.SuperTwisting(15.0, 50.0),
-        DT,
-        limits=rbi.Limits(share * arm.effort_limit, PEAK_RATE),
-    )
+    limits = rbi.Limits(share * arm.effort_limit, PEAK_RATE)
+    impedance = rbi.Impedance(1.0, 20.0, stiffness)
+    return arms.law(arm, rbi.SuperTwisting(15.0, 50.0), impedance, limits=limits)
 
 
 def guarded(controller: Any) -> FaultGuard:

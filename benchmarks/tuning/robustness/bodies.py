@@ -11,7 +11,19 @@ from rbimpedance.tuning import GainProposal, MotionMargin, Uncertainty
 from rbimpedance.tuning.mismatch import measure
 from rbimpedance.tuning.motions import sample_motions
 
-from .common import DURATION, Figures, Job, Options, Part, as_rows, propose, run, said, summary
+from .common import (
+    DURATION,
+    Figures,
+    Job,
+    Options,
+    Part,
+    as_rows,
+    on_every_arm,
+    propose,
+    run,
+    said,
+    summary,
+)
 
 BODIES = (
     *((1, 0.0, 0.0), (1, 0.05, 0.05), (1, 0.1, 0.1), (1, 0.2, 0.1)),
@@ -54,8 +66,7 @@ def _tested(proposal: GainProposal, unknown: Uncertainty, plants: int, seed: int
 
 def jobs(options: Options) -> list[Job]:
     """Every body on every arm."""
-    plants = max(options.few // 2, 4)
-    return [Job(body, (n, *b, plants, options.seed)) for n in options.arms for b in BODIES]
+    return on_every_arm(options, body, BODIES, max(options.few // 2, 4))
 
 
 def tables(data: Mapping[str, Any]) -> dict[str, str]:

@@ -46,6 +46,14 @@ class Job(NamedTuple):
     arguments: tuple[Any, ...]
 
 
+def on_every_arm(
+    options: Options, function: Callable[..., Any], cases: Sequence[tuple[Any, ...]], plants: int
+) -> list[Job]:
+    """Every case on every arm, each on so many plants."""
+    names = options.arms
+    return [Job(function, (name, *case, plants, options.seed)) for name in names for case in cases]
+
+
 class Part(NamedTuple):
     """One part of the script.
 

@@ -16,23 +16,9 @@ from rbimpedance.interaction import normal_impedance
 from rbimpedance.interaction.estimators import MomentumObserver, SuperTwistingMomentumObserver
 from rbimpedance.simulation.energy import energy_balance
 
+from . import pushed
 from .common import Figures, Job, Options, Part, simulate
-from .pushed import (
-    DEPTH,
-    FIRST,
-    PAYLOAD,
-    SETTINGS,
-    TOOL_STIFFNESS,
-    UP,
-    WALL,
-    approach,
-    at_wall,
-    contacts,
-    forces,
-    heavy,
-    law,
-    target_alone,
-)
+from .pushed import DEPTH, FIRST, PAYLOAD, SETTINGS, TOOL_STIFFNESS, UP, WALL
 
 LENGTH, WAY = 4.0, 0.2  # s, m
 PLANTS = {"exact": "exact model", "heavy": f"{PAYLOAD:g} kg and 10 % unknown"}
@@ -58,13 +44,13 @@ def _sensor(name: str, arm: rbi.ArmModel) -> Any:
 def meet(place: str, plant_name: str, sensor_name: str, seed: int) -> Figures:
     """One contact."""
     setting = SETTINGS[place]
-    arm, impedance, wall, reaching = at_wall(setting, seed)
-    trajectory = approach(arm, setting.q, WAY)
+    arm, impedance, wall, reaching = pushed.at_wall(setting, seed)
+    trajectory = pushed.approach(arm, setting.q, WAY)
     start = trajectory(0.0)
-    alone = target_alone(arm, impedance, trajectory, wall, round(LENGTH / DT) + 1)
-    plant = arm if plant_name == "exact" else heavy(arm)
+    alone = pushed.target_alone(arm, impedance, trajectory, wall, round(LENGTH / DT) + 1)
+    plant = arm if plant_name == "exact" else pushed.heavy(arm)
     result = simulate(
-        law(arm, impedance, reaching),
+        pushed.law(arm, impedance, reaching),
         plant,
         trajectory,
         wrench=wall,
@@ -74,7 +60,7 @@ def meet(place: str, plant_name: str, sensor_name: str, seed: int) -> Figures:
         duration=LENGTH,
         integrator="rk4",
     )
-    force = forces(result, plant, wall)
+    force = pushed.forces(result, plant, wall)
     share = float(np.sum((UP @ arm.jacobian(setting.q)[:3]) ** 2))
     return {
         "place": place,
@@ -85,7 +71,7 @@ def meet(place: str, plant_name: str, sensor_name: str, seed: int) -> Figures:
         "alone": {
             "peak [N]": alone.max(),
             "steady [N]": alone[-1],
-            "contacts": contacts(alone),
+            "contacts": pushed.contacts(alone),
         },
         "_curves": {"t": result.t, "force": force, "alone": alone},
         "_energy": _energies(result, plant),
@@ -112,7 +98,7 @@ def _contact_row(
         "peak over that of the target alone": force.max() / alone.max() - 1.0,
         "steady [N]": force[-1],
         "steady over that of the target alone": force[-1] / alone[-1] - 1.0,
-        "contacts": contacts(force),
+        "contacts": pushed.contacts(force),
         "largest difference of force, share of the peak": np.abs(force - alone).max() / alone.max(),
         "first contact [s]": result.t[touched[0]] if len(touched) else None,
         "energy into the wall [J]": -energy.environment.min(),

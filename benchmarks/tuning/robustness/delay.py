@@ -14,21 +14,9 @@ from benchmarks.arms import DT, Array
 from benchmarks.pages import markdown
 from rbimpedance.interaction import Delay, LowPass, contact_damping, recommended_mass, smallest_mass
 
+from . import pushed
 from .common import Figures, Job, Options, Part, simulate
-from .pushed import (
-    FIRST,
-    SETTINGS,
-    TOOL_STIFFNESS,
-    UP,
-    WALL,
-    approach,
-    at_wall,
-    contacts,
-    forces,
-    heavy,
-    law,
-    load,
-)
+from .pushed import FIRST, SETTINGS, TOOL_STIFFNESS, UP, WALL
 
 AGES = (0, 1, 2, 3, 5, 7, 10)
 RATIOS = (1.0, 0.7, 0.3)
@@ -58,7 +46,7 @@ def _measured(place: str, plant: str, ratio: float, sensor: Any, rule: float, se
     return {
         "lightest": _lightest(place, plant, ratio, sensor, seed),
         "rule": rule,
-        "contacts": contacts(force),
+        "contacts": pushed.contacts(force),
         "peak": force.max(),
         "steady": force[-1],
     }
@@ -77,12 +65,12 @@ def _lightest(place: str, plant: str, ratio: float, sensor: Any, seed: int) -> f
 def _meet(place: str, plant: str, ratio: float, mass: float, sensor: Any, seed: int) -> Array:
     """Contact force at every tick of 2.5 s, from 0.02 m before the wall on; NaN from where the run diverges."""
     setting = SETTINGS[place]
-    arm, impedance, wall, reaching = at_wall(setting, seed, mass, ratio)
-    trajectory = approach(arm, setting.q, 0.02)
-    start, true_arm = trajectory(0.0), arm if plant == "exact" else heavy(arm)
+    arm, impedance, wall, reaching = pushed.at_wall(setting, seed, mass, ratio)
+    trajectory = pushed.approach(arm, setting.q, 0.02)
+    start, true_arm = trajectory(0.0), arm if plant == "exact" else pushed.heavy(arm)
     try:
         result = simulate(
-            law(arm, impedance, reaching),
+            pushed.law(arm, impedance, reaching),
             true_arm,
             trajectory,
             wrench=wall,
@@ -93,8 +81,8 @@ def _meet(place: str, plant: str, ratio: float, mass: float, sensor: Any, seed: 
             substeps=2,
         )
     except rbi.DivergenceError as error:
-        return np.append(forces(error.result, true_arm, wall), np.nan)
-    return forces(result, true_arm, wall)
+        return np.append(pushed.forces(error.result, true_arm, wall), np.nan)
+    return pushed.forces(result, true_arm, wall)
 
 
 def _dies_out(force: Array) -> bool:
@@ -137,7 +125,7 @@ def jobs(options: Options) -> list[Job]:
 def collect(options: Options, answers: list[Any]) -> Figures:
     """Rows of old readings, and of filters."""
     del options
-    arm, setting = load(SETTINGS[FIRST].arm), SETTINGS[FIRST]
+    arm, setting = pushed.load(SETTINGS[FIRST].arm), SETTINGS[FIRST]
     return {
         "rows": [row for row in answers if "age" in row],
         "filters": [row for row in answers if "cutoff" in row],

@@ -15,7 +15,7 @@ from benchmarks.arms import ARMS, DT, load, motion
 from benchmarks.pages import markdown, power
 from rbimpedance.tuning import GainProposal, PlantSample, Uncertainty
 
-from .common import Figures, Job, Options, Part, knowing, propose, run, said, summary
+from .common import Figures, Job, Options, Part, knowing, on_every_arm, propose, run, said, summary
 
 NOISE: dict[str, Any] = {"position_noise": 1e-4, "velocity_noise": 1e-3, "delay": 2}
 NOISY_ACCURACY = 2e-3  # a delay of two ticks alone is worth 4e-4 rad at this motion's speed
@@ -248,8 +248,7 @@ def beyond(name: str, factor: float, lever: float, dt: float, plants: int, seed:
 
 def beyond_jobs(options: Options) -> list[Job]:
     """Every case on every arm."""
-    plants = max(options.few // 3, 2)
-    return [Job(beyond, (n, *c, plants, options.seed)) for n in options.arms for c in BEYOND]
+    return on_every_arm(options, beyond, BEYOND, max(options.few // 3, 2))
 
 
 def beyond_tables(data: Mapping[str, Any]) -> dict[str, str]:
