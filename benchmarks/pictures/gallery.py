@@ -26,6 +26,7 @@ def left_after_two_seconds(payload: float, k1: float) -> float:
     )
     law = rbi.SuperTwisting(k1=k1, k2=k1**2 / 5.0)
     known = scenario.controller
+    assert isinstance(known, rbi.ImpedanceController)
     controller = rbi.ImpedanceController(
         known.arm, rbi.Impedance(1.0, 10.0, 20.0), known.surface, law, dt=known.dt
     )
@@ -72,15 +73,15 @@ def figures() -> Mapping[str, Figure]:
     }
 
 
-def push() -> rbi.Viewer:
-    """A panda with 1.5 kg that its controller does not know of, pushed and turned at the hand."""
+def push(page: Path) -> Path:
+    """Animate a panda with 1.5 kg that its controller does not know of, pushed and turned at the hand."""
     arm = arms.load("panda", armature=0.1)
     controller = arms.law(arm, rbi.SuperTwisting(k1=50.0, k2=500.0))
     q0 = [0.0, -0.6, 0.0, -2.2, 0.0, 1.7, 0.8]
     hold = rbi.trajectories.hold(arm, q0)
     hand = rbi.Push([0, 20, 0, 0, 0, 4], start=0.5, duration=1.0)
     result = rbi.simulate(controller, arm.with_payload(1.5), hold, wrench=hand, q0=q0, duration=3.0)
-    return result.animate(wrench=hand)
+    return result.animate(wrench=hand).save_html(page)
 
 
 def contact_sheet(paths: list[Path]) -> Figure:
@@ -106,7 +107,7 @@ def main() -> None:
     pictures = [plotting.save(figure, folder / f"{name}.png") for name, figure in drawn.items()]
     sheet = contact_sheet([*pictures, *sorted(pages.FIGURES.glob("*.png"))])
     print(plotting.save(sheet, folder / "contact_sheet.png"))
-    print(push().save_html(folder / "push.html"))
+    print(push(folder / "push.html"))
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import Any, NamedTuple
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -26,7 +27,7 @@ from benchmarks import arms, pages
 from benchmarks.arms import Array
 from benchmarks.pages import markdown, plain, power
 from benchmarks.tuning.robustness import common, pushed
-from rbimpedance.interaction import as_interaction
+from rbimpedance.interaction import as_interaction, recommended_mass
 from rbimpedance.robot import pinocchio_dynamics
 from rbimpedance.robot.pinocchio_dynamics import COULOMB_SMOOTHING
 from rbimpedance.simulation.plants import RigidPlant
@@ -280,7 +281,7 @@ def touch(place: str, surface: str, mass: str, stiffness: float) -> dict[str, An
     first = int(np.argmax(touching))
     return {
         "own": own,
-        "mass": own if mass == "heavy" else pushed.recommended_mass(*WALL_RULE),
+        "mass": own if mass == "heavy" else recommended_mass(*WALL_RULE),
         "peak": float(force.max()),
         "rest": float(force[-100:].mean()),
         "depth": float(wall.point[2] - arm.frame_placement(result.q[-1])[1][2]),
@@ -366,15 +367,15 @@ def jobs(options: Options) -> Iterator[tuple[str, Callable[[], dict[str, Any]]]]
     """All that is measured, as calls, each with the list of figures that it belongs to."""
     for name in options.arms:
         for variant in ("as loaded", ADDED):
-            yield "agreement", lambda n=name, v=variant: agreement(n, v)
+            yield "agreement", partial(agreement, name, variant)
     for case in CASES:
         for name in options.arms:
-            yield "control", lambda n=name, c=case: control(n, c, options.duration)
+            yield "control", partial(control, name, case, options.duration)
     for coulomb in TOLD:
-        yield "told", lambda c=coulomb: told(c, options.duration)
+        yield "told", partial(told, coulomb, options.duration)
     for place in TOUCHED:
         for surface, mass in TOUCHES:
-            yield "contact", lambda p=place, s=surface, m=mass: contact(p, s, m)
+            yield "contact", partial(contact, place, surface, mass)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from benchmarks.arms import ARMS, DT, load, motion
-from benchmarks.pages import markdown, power
+from benchmarks.pages import power
 from rbimpedance.tuning import GainProposal, MotionMargin, Uncertainty
 from rbimpedance.tuning.mismatch import measure
 from rbimpedance.tuning.motions import sample_motions
@@ -18,6 +18,7 @@ from .common import (
     Options,
     Part,
     as_rows,
+    by_arm,
     on_every_arm,
     propose,
     run,
@@ -72,12 +73,14 @@ def jobs(options: Options) -> list[Job]:
 def tables(data: Mapping[str, Any]) -> dict[str, str]:
     """One row for each body, one column for each arm; and the largest mismatches of a yes."""
     rows = data["rows"]
-    arms = list(dict.fromkeys(row["arm"] for row in rows))
-    lines = []
-    for factor, gyration, lever in BODIES:
-        wanted = (factor, gyration, lever)
-        cases = {r["arm"]: r for r in rows if (r["factor"], r["gyration"], r["lever"]) == wanted}
-        lines.append((f"×{factor}, {gyration:g} m, {lever:g} m", *(_cell(cases[a]) for a in arms)))
+    cases = {
+        f"×{factor}, {gyration:g} m, {lever:g} m": {
+            "factor": factor,
+            "gyration": gyration,
+            "lever": lever,
+        }
+        for factor, gyration, lever in BODIES
+    }
     accepted = [row for row in rows if row["feasible"]]
     ways = [row["way"] for row in rows if not row["feasible"]]
     geared = [way for way in ways if way["feasible"]]
@@ -95,7 +98,7 @@ def tables(data: Mapping[str, Any]) -> dict[str, str]:
             f"error of their {sum(way['plants'] for way in geared)} runs is "
             f"{power(max(way['error'] for way in geared))} rad, {sum(way['diverged'] for way in geared)} diverged."
         )
-    table = markdown(("payload, radius of gyration, lever", *arms), lines)
+    table = by_arm("payload, radius of gyration, lever", rows, cases, _cell)
     return {"bodies": " ".join(words) + "\n\n" + table}
 
 

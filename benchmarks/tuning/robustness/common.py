@@ -11,6 +11,7 @@ import numpy as np
 
 import rbimpedance as rbi
 from benchmarks.arms import DT
+from benchmarks.pages import markdown
 from rbimpedance.trajectories import Trajectory
 from rbimpedance.tuning import GainProposal, MotionMargin, PlantSample, Uncertainty, propose_gains
 from rbimpedance.tuning.gain_design import Task, design, measure_task
@@ -44,6 +45,21 @@ class Job(NamedTuple):
 
     function: Callable[..., Any]
     arguments: tuple[Any, ...]
+
+
+def by_arm(
+    head: str,
+    rows: Sequence[Mapping[str, Any]],
+    cases: Mapping[str, Mapping[str, float]],
+    cell: Callable[[Mapping[str, Any]], str],
+) -> str:
+    """A table with a line for each case, the figures that tell its rows by its name, and a column for each arm."""
+    arms = list(dict.fromkeys(row["arm"] for row in rows))
+    lines = []
+    for name, figures in cases.items():
+        found = {row["arm"]: row for row in rows if figures.items() <= row.items()}
+        lines.append((name, *(cell(found[arm]) for arm in arms)))
+    return markdown((head, *arms), lines)
 
 
 def on_every_arm(

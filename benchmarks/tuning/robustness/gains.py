@@ -15,7 +15,20 @@ from benchmarks.arms import ARMS, DT, load, motion
 from benchmarks.pages import markdown, power
 from rbimpedance.tuning import GainProposal, PlantSample, Uncertainty
 
-from .common import Figures, Job, Options, Part, knowing, on_every_arm, propose, run, said, summary
+from .common import (
+    Figures,
+    Job,
+    Options,
+    Part,
+    as_rows,
+    by_arm,
+    knowing,
+    on_every_arm,
+    propose,
+    run,
+    said,
+    summary,
+)
 
 NOISE: dict[str, Any] = {"position_noise": 1e-4, "velocity_noise": 1e-3, "delay": 2}
 NOISY_ACCURACY = 2e-3  # a delay of two ticks alone is worth 4e-4 rad at this motion's speed
@@ -254,17 +267,10 @@ def beyond_jobs(options: Options) -> list[Job]:
 def beyond_tables(data: Mapping[str, Any]) -> dict[str, str]:
     """One row for each case, one column for each arm."""
     rows = data["rows"]
-    arms = list(dict.fromkeys(row["arm"] for row in rows))
-    lines = []
-    for factor, lever, dt in BEYOND:
-        case = {
-            r["arm"]: r for r in rows if (r["factor"], r["lever"], r["dt"]) == (factor, lever, dt)
-        }
-        cells = [
-            f"{case[arm]['error']:.0e}" if case[arm]["feasible"] else f"no: {case[arm]['joint']}"
-            for arm in arms
-        ]
-        lines.append((f"×{factor}, {lever:g} m, {1e3 * dt:g} ms", *cells))
+    cases = {
+        f"×{factor}, {lever:g} m, {1e3 * dt:g} ms": {"factor": factor, "lever": lever, "dt": dt}
+        for factor, lever, dt in BEYOND
+    }
     accepted = [row for row in rows if row["feasible"]]
     diverged = sum(row["diverged"] for row in accepted)
     worst = max((row["error"] for row in accepted), default=np.nan)
@@ -272,18 +278,17 @@ def beyond_tables(data: Mapping[str, Any]) -> dict[str, str]:
         f"{len(accepted)} of {len(rows)} are yes; {diverged} of their "
         f"{sum(row['plants'] for row in accepted)} runs diverged; the worst error is {worst:.0e} rad."
     )
-    table = markdown(("payload, lever, period", *arms), lines)
+    table = by_arm("payload, lever, period", rows, cases, _beyond_cell)
     return {"beyond": f"{words}\n\n{table}"}
 
 
-def _rows(options: Options, answers: list[Any]) -> Figures:
-    del options
-    return {"rows": answers}
+def _beyond_cell(row: Mapping[str, Any]) -> str:
+    return f"{row['error']:.0e}" if row["feasible"] else f"no: {row['joint']}"
 
 
 PARTS: dict[str, Part] = {
-    "rotors": Part(rotors_jobs, _rows, rotors_tables),
+    "rotors": Part(rotors_jobs, as_rows, rotors_tables),
     "ranges": Part(ranges_jobs, ranges_collect, ranges_tables, draw_ranges),
     "noise": Part(noise_jobs, noise_collect, noise_tables),
-    "beyond": Part(beyond_jobs, _rows, beyond_tables),
+    "beyond": Part(beyond_jobs, as_rows, beyond_tables),
 }

@@ -75,7 +75,7 @@ def bench(
     found: dict[str, Costs] = {}
     for title, measure in MEASUREMENTS.items():
         _say(f"\n{title}", quiet=as_json)
-        with progress(title, quiet=as_json) as on_tick:
+        with progress(title, quiet=as_json, every=1) as on_tick:
             found[title] = costs(measure(arm, ticks, on_tick))
         for name, cost in found[title].items():
             _say(_line(name, cost, before.get(title, {}).get(name)), quiet=as_json)

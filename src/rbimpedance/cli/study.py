@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from .._common.files import whole_file
 from ..pictures import figures as plotting
-from ..pictures.figures import study as _study_figures
+from ..pictures.figures.study import FIGURES
 from ..study import Study, find_study, run_study, summarize
-from ..study.execution import OnRun
 from .study_tables import tables
-from .terminal import print_json, print_table, stderr, stdout
+from .terminal import print_json, print_table, progress, stderr, stdout
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -25,6 +21,7 @@ if TYPE_CHECKING:
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
 
+Scheduler = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Run on this Dask cluster.")]
 Names = Annotated[list[str] | None, typer.Option(metavar="NAME", help="Only these; repeatable.")]
 
 
@@ -40,10 +37,7 @@ def study(
         Path | None, typer.Option("--out", metavar="DIR", help="Its folder; default: its name.")
     ] = None,
     jobs: Annotated[int, typer.Option("--jobs", help="Processes on this machine.")] = 1,
-    scheduler: Annotated[
-        str | None,
-        typer.Option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster."),
-    ] = None,
+    scheduler: Scheduler = None,
     samples: Annotated[
         int | None, typer.Option("--samples", metavar="N", help="Only the first N of each.")
     ] = None,
@@ -70,9 +64,8 @@ def study(
     if as_json:
         print_json(summary)
         return
-    if not quiet:
-        for told in tables(summary):
-            print_table(told)
+    for told in () if quiet else tables(summary):
+        print_table(told)
     stdout.print("written: " + ", ".join(map(str, files)), soft_wrap=True, markup=False)
 
 
@@ -81,7 +74,7 @@ def _rows(
 ) -> pa.Table:
     """The table; Ctrl-C leaves with a word on how to go on."""
     try:
-        with _progress(chosen.name, quiet=quiet) as on_run:
+        with progress(chosen.name, quiet=quiet, every=1) as on_run:
             return run_study(chosen, folder, jobs=jobs, scheduler=scheduler, on_run=on_run)
     except KeyboardInterrupt:
         words = f"stopped: what is done is kept in '{folder}'; the same command goes on from there"
@@ -94,27 +87,6 @@ def _written(chosen: Study, folder: Path, rows: pa.Table, summary: dict[str, Any
     files = [folder / f"{chosen.name}.parquet", folder / "summary.json"]
     with whole_file(files[1]) as file:
         file.write((json.dumps(summary, indent=1, allow_nan=False) + "\n").encode())
-    for name, draw in _study_figures.FIGURES.items():
+    for name, draw in FIGURES.items():
         files.append(plotting.save(draw(rows), folder / f"{name}.png"))
     return files
-
-
-@contextmanager
-def _progress(title: str, *, quiet: bool) -> Iterator[OnRun]:
-    """A progress bar over runs with the time left."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
-    hidden = quiet or not stderr.is_terminal
-    with Progress(
-        *columns, console=stderr, transient=True, disable=hidden, speed_estimate_period=300.0
-    ) as bar:
-        task = bar.add_task(title, total=None)
-
-        def update(done: int, total: int) -> None:
-            bar.update(task, completed=done, total=total)
-
-        yield update

@@ -12,7 +12,7 @@ import numpy as np
 from rich.cells import cell_len
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Column, Table
 from rich.text import Text
 
@@ -28,15 +28,19 @@ stderr = Console(stderr=True)
 
 
 @contextmanager
-def progress(title: str, *, quiet: bool) -> Iterator[Callable[[int, int], None]]:
+def progress(
+    title: str, *, quiet: bool, every: int = _REFRESH_TICKS
+) -> Iterator[Callable[[int, int], None]]:
     """Show a progress bar with the time left on stderr, where that is a terminal; yields a callback (done, total)."""
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     hidden = quiet or not stderr.is_terminal
-    with Progress(*columns, console=stderr, transient=True, disable=hidden) as bar:
+    with Progress(
+        *columns, TimeRemainingColumn(), console=stderr, transient=True, disable=hidden
+    ) as bar:
         task = bar.add_task(escape(title), total=None)
 
         def update(done: int, total: int) -> None:
-            if done % _REFRESH_TICKS == 0 or done == total:
+            if done % every == 0 or done == total:
                 bar.update(task, completed=done, total=total)
 
         yield update

@@ -20,7 +20,9 @@ def provenance(controller: Any, plant: Any, **settings: object) -> dict[str, Any
         **settings: Further settings of the run.
     """
     return {
-        "versions": {name: _version(name) for name in ("rbimpedance", "pin", "numpy", "scipy")}
+        "versions": {
+            name: installed_version(name) for name in ("rbimpedance", "pin", "numpy", "scipy")
+        }
         | {"python": platform.python_version()},
         "controller": _plain(controller),
         "plant": _plain(plant),
@@ -29,7 +31,8 @@ def provenance(controller: Any, plant: Any, **settings: object) -> dict[str, Any
 
 
 @functools.cache
-def _version(distribution: str) -> str:
+def installed_version(distribution: str) -> str:
+    """Return the version of a distribution, "unknown" where it is not installed."""
     try:
         return version(distribution)
     except PackageNotFoundError:

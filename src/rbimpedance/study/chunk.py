@@ -6,14 +6,13 @@ import functools
 import platform
 import re
 from collections.abc import Callable
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from ..control.protocol import Controller
+from ..control.provenance import installed_version
 from ..exceptions import DivergenceError
-from ..simulation import simulate
 from .definition import Experiment, Study, Task
 from .measures import Figures, measure
 
@@ -106,13 +105,8 @@ def key(study: Study, robot: str, disturbance: str, sample: int, controller: str
 @functools.cache
 def versions() -> dict[str, str]:
     """Return what computes here, by column."""
-    found = {"version_python": platform.python_version()}
-    for name in VERSIONS:
-        try:
-            found[f"version_{name}"] = version(name)
-        except PackageNotFoundError:
-            found[f"version_{name}"] = "unknown"
-    return found
+    found = {f"version_{name}": installed_version(name) for name in VERSIONS}
+    return {"version_python": platform.python_version()} | found
 
 
 def _tried(run: Callable[[], Figures]) -> Figures:
@@ -140,16 +134,7 @@ def _run(
 
 def _simulated(study: Study, task: Task, drawn: Experiment, make: Maker) -> Figures:
     try:
-        result = simulate(
-            drawn.wrap(make(task)),
-            drawn.plant,
-            drawn.trajectory,
-            wrench=drawn.wrench,
-            sensor=drawn.sensor,
-            q0=drawn.q0,
-            duration=study.duration,
-            substeps=study.substeps if drawn.substeps is None else drawn.substeps,
-        )
+        result = drawn.simulate(make(task), duration=study.duration, substeps=study.substeps)
     except DivergenceError as error:
         return {
             "status": "diverged",

@@ -18,7 +18,8 @@ from ..interaction import EnvironmentLike, Sensor
 from ..law.impedance import Impedance
 from ..robot.arm_model import ArmModel
 from ..simulation.plants import Plant
-from ..simulation.run import check_whole
+from ..simulation.result import SimulationResult
+from ..simulation.run import check_whole, simulate
 from ..trajectories import Trajectory
 from ..tuning import GainProposal
 
@@ -86,6 +87,30 @@ class Experiment:
     wrap: Callable[[Controller[Any]], Controller[Any]] = unchanged
     substeps: int | None = None
     inputs: Mapping[str, float] = field(default_factory=dict)
+
+    def simulate(
+        self, controller: Controller[Any], *, duration: float, substeps: int
+    ) -> SimulationResult:
+        """Put a controller through it.
+
+        Args:
+            controller: The controller.
+            duration: Length of the run [s].
+            substeps: Physics steps per control period, unless the plant needs others.
+
+        Raises:
+            DivergenceError: The arm is lost.
+        """
+        return simulate(
+            self.wrap(controller),
+            self.plant,
+            self.trajectory,
+            wrench=self.wrench,
+            sensor=self.sensor,
+            q0=self.q0,
+            duration=duration,
+            substeps=substeps if self.substeps is None else self.substeps,
+        )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

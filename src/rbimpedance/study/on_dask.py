@@ -18,9 +18,6 @@ from .definition import Study
 from .folder import Chunk, StudyError
 from .measures import Figures
 
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-"""What limits the cores of a process of this machine to one."""
-
 _here = threading.local()
 
 
@@ -47,8 +44,7 @@ def cluster(jobs: int, scheduler: str | None) -> Iterator[Any]:
             yield client
         return
     settings: dict[str, Any] = {
-        f"distributed.nanny.pre-spawn-environ.{name}": 1 for name in THREADS
-    } | {
+        "distributed.nanny.pre-spawn-environ.VECLIB_MAXIMUM_THREADS": 1,  # the others are Dask's own
         "distributed.scheduler.worker-saturation": 1.0,  # one chunk dies with a worker
         "distributed.scheduler.http.routes": [],
         "distributed.worker.http.routes": [],

@@ -1,6 +1,6 @@
 """Whether two versions of the package compute the same: section 4 of the paper, runs on six arms, a small study.
 
-python benchmarks/same_results.py OTHER_CHECKOUT
+    python -m benchmarks.simulation.same_results OTHER_CHECKOUT
 
 Each version runs in a process of its own, from its `src`. The ten largest differences are printed, each relative to the
 largest entry of its array. Exit code 1 if one is above 1e-12.
@@ -150,9 +150,9 @@ def main() -> int:
     given = parser.parse_args()
     if given.write is not None:
         warnings.simplefilter("ignore", DeprecationWarning)
-        np.savez(given.write, **compute())
+        np.savez(given.write, **compute())  # type: ignore[arg-type]
         return 0
-    here = Path(__file__).resolve().parents[1]
+    here = Path(__file__).resolve().parents[2]
     with tempfile.TemporaryDirectory() as folder:
         before = results_of(given.other.resolve(), Path(folder) / "before.npz")
         after = results_of(here, Path(folder) / "after.npz")
