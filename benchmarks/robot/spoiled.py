@@ -265,13 +265,12 @@ def spoil_bytes(rng: Rng, content: bytes) -> bytes:
     if choice == 3:
         return content[:i] + pick(rng, BYTES) + content[i:]
     if choice == 4:
-        return content[:i] + rng.bytes(4) + content[i:]
-    flipped: bytes = (
+        return content[:i] + bytes(rng.bytes(4)) + content[i:]
+    return (
         content[:i]
         + bytes(b ^ 1 << int(rng.integers(8)) for b in content[i : i + 3])
         + content[i + 3 :]
     )
-    return flipped
 
 
 SPOILS: tuple[Spoil, ...] = (

@@ -277,7 +277,7 @@ def test_ticks_of_all_kinds_go_on_for_ever() -> None:
 def test_report_of_a_table_has_its_goals_and_says_what_it_ran_on() -> None:
     found = measure("two_link", ["loop"], "quick", show=False).data()
     assert [section["key"] for section in found["sections"]] == ["goals", "loop"]
-    assert {"processor", "pin"} <= set(found["machine"])
+    assert {"date", "processor", "pin"} <= set(found["machine"])
 
 
 def test_unknown_section_is_bad_input() -> None:

@@ -30,7 +30,7 @@ def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_cost_is_a_positive_time_and_its_ratio_to_the_yardstick(saved: Path) -> None:
     found = json.loads(saved.read_text(encoding="utf-8"))
     assert list(found["costs"]) == list(MEASUREMENTS)
-    assert {"processor", "pin"} <= set(found["machine"])
+    assert {"date", "processor", "pin"} <= set(found["machine"])
     for part in found["costs"].values():
         assert part[RNEA][RATIO] == 1.0
         for cost in part.values():

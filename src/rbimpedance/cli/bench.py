@@ -7,6 +7,7 @@ import os
 import platform
 import re
 from collections.abc import Callable, Mapping
+from datetime import datetime, timezone
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, TypeAlias
@@ -139,11 +140,13 @@ def load(path: Path) -> Mapping[str, Costs]:
 
 
 def describe() -> dict[str, str]:
-    """Return processor, system, load and versions; neither host name nor path."""
+    """Return date, processor, system, load and versions; neither host name nor path."""
+    now, release = datetime.now(tz=timezone.utc), ".".join(platform.release().split(".")[:2])
     load = f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"
     return {
+        "date": f"{now:%Y-%m-%d %H:%M} UTC",
         "processor": f"{_processor()}, {os.cpu_count()} cores",
-        "system": f"{platform.system()} {platform.release()}, {platform.machine()}",
+        "system": f"{platform.system()} {release}, {platform.machine()}",
         "load at the start": load,
         "Python": platform.python_version(),
     } | {name: version(name) for name in ("rbimpedance", "pin", "numba", "numpy")}
