@@ -263,7 +263,7 @@ def spoil_bytes(rng: Rng, content: bytes) -> bytes:
     if choice == 2:
         return content[:j] + content[i:j] * int(rng.integers(1, 20)) + content[j:]
     if choice == 3:
-        return content[:i] + pick(rng, BYTES) + content[i:]
+        return content[:i] + bytes(pick(rng, BYTES)) + content[i:]
     if choice == 4:
         return content[:i] + bytes(rng.bytes(4)) + content[i:]
     return (

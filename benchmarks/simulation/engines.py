@@ -26,7 +26,8 @@ import rbimpedance as rbi
 from benchmarks import arms, pages
 from benchmarks.arms import Array
 from benchmarks.pages import markdown, plain, power
-from benchmarks.tuning.robustness import common, pushed
+from benchmarks.tuning.robustness import pushed
+from benchmarks.tuning.robustness.trials import propose
 from rbimpedance.interaction import as_interaction, recommended_mass
 from rbimpedance.robot import pinocchio_dynamics
 from rbimpedance.robot.pinocchio_dynamics import COULOMB_SMOOTHING
@@ -172,7 +173,7 @@ def proposal_for(name: str, coulomb: float) -> Any:
     """Gains for an arm whose payload is not known, nor its dry friction."""
     arm = arm_of(name, coulomb)
     unknown = rbi.Uncertainty(payload=arms.ARMS[name], coulomb=coulomb)
-    return common.propose(arm, unknown, arms.motion(arm))
+    return propose(arm, unknown, arms.motion(arm))
 
 
 def plant_of(name: str, coulomb: float) -> rbi.ArmModel:

@@ -11,20 +11,8 @@ from rbimpedance.tuning import GainProposal, MotionMargin, Uncertainty
 from rbimpedance.tuning.mismatch import measure
 from rbimpedance.tuning.motions import sample_motions
 
-from .common import (
-    DURATION,
-    Figures,
-    Job,
-    Options,
-    Part,
-    as_rows,
-    by_arm,
-    on_every_arm,
-    propose,
-    run,
-    said,
-    summary,
-)
+from .common import DURATION, Figures, Job, Options, Part, as_rows, by_arm, on_every_arm
+from .trials import propose, run, said, summary
 
 BODIES = (
     *((1, 0.0, 0.0), (1, 0.05, 0.05), (1, 0.1, 0.1), (1, 0.2, 0.1)),

@@ -15,7 +15,8 @@ from rbimpedance.tuning import Uncertainty
 from rbimpedance.tuning.torque_demand import Exertion
 from rbimpedance.tuning.worst_case import true_error
 
-from .common import Figures, Job, Options, Part, as_rows, propose, simulate
+from .common import Figures, Job, Options, Part, as_rows, simulate
+from .trials import propose
 
 STATED = 0.2  # rad
 START = 2.0  # rad

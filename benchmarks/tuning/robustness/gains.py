@@ -15,20 +15,8 @@ from benchmarks.arms import ARMS, DT, load, motion
 from benchmarks.pages import markdown, power
 from rbimpedance.tuning import GainProposal, PlantSample, Uncertainty
 
-from .common import (
-    Figures,
-    Job,
-    Options,
-    Part,
-    as_rows,
-    by_arm,
-    knowing,
-    on_every_arm,
-    propose,
-    run,
-    said,
-    summary,
-)
+from .common import Figures, Job, Options, Part, as_rows, by_arm, on_every_arm
+from .trials import knowing, propose, run, said, summary
 
 NOISE: dict[str, Any] = {"position_noise": 1e-4, "velocity_noise": 1e-3, "delay": 2}
 NOISY_ACCURACY = 2e-3  # a delay of two ticks alone is worth 4e-4 rad at this motion's speed

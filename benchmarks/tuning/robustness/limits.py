@@ -12,7 +12,8 @@ from benchmarks.arms import ARMS, DT, GRIPPERS, load, motion
 from benchmarks.pages import markdown, power
 from rbimpedance.tuning import GainProposal, Uncertainty
 
-from .common import Figures, Job, Options, Part, propose, run, said, summary
+from .common import Figures, Job, Options, Part
+from .trials import propose, run, said, summary
 
 PERIODS = tuple(6.0 * 0.8**k for k in range(16))
 ACCURACY = 1e-2
