@@ -24,6 +24,7 @@ from .control.encoders import QuantizedEncoders as QuantizedEncoders
 from .control.guards import EnergyTank as EnergyTank
 from .control.guards import FaultGuard as FaultGuard
 from .control.guards import OperatingRange as OperatingRange
+from .control.guards import SoftStart as SoftStart
 from .control.guards.reference_guard import ReferenceGuard as ReferenceGuard
 from .control.realtime import RealtimeController as RealtimeController
 from .control.snapshot import load_snapshot as load_snapshot

@@ -281,7 +281,7 @@ def test_payload_that_nobody_told_of_does_not_fall_while_the_sensors_are_gone() 
     arm = rbi.load_robot("two_link")
     guard, speeds = FaultGuard(law(arm), "stop"), []
     for rate in (guard.rate, 1e-9):  # the second observer has found nothing
-        object.__setattr__(guard._observer, "gain", np.full(2, rate))
+        object.__setattr__(guard._believer._observer, "gain", np.full(2, rate))
         _, _, v, _ = run(
             guard, between(500, 10**9, lost("v")), ticks=900, plant=arm.with_payload(0.3)
         )

@@ -17,8 +17,9 @@ from ..robot.arm_model import ArmModel
 from ..robot.knowledge import Knowledge, as_knowledge
 from ..robot.pinocchio_dynamics import PinocchioDynamics
 from ..trajectories import Reference
-from .controller import ControllerOutput
 from .errors import Tracking, track
+from .protocol import checked_period
+from .telemetry import ControllerOutput, Situation
 
 
 class BaselineState(NamedTuple):
@@ -27,10 +28,16 @@ class BaselineState(NamedTuple):
     Attributes:
         q_e: Position of the impedance filter at this tick, shape (nv,) [rad or m].
         v_e: Its velocity, shape (nv,) [rad/s or m/s].
+        tau_ext: Torque of the environment that was measured at the tick before, shape (nv,) [N·m or N].
+        q_e_before: q_e at that tick; with v_e_before and tau_ext, all that a late tick starts from again.
+        v_e_before: v_e at that tick.
     """
 
     q_e: Array
     v_e: Array
+    tau_ext: Array
+    q_e_before: Array
+    v_e_before: Array
 
 
 class Answer(NamedTuple):
@@ -70,6 +77,11 @@ class Baseline(ABC):
             _filter=impedance.filter(arm.nv, dt),
         )
 
+    @property
+    def limits(self) -> None:
+        """None: a baseline keeps no torque limits."""
+        return None
+
     @abstractmethod
     def _law(self, tick: Tracking) -> Answer:
         """The control law."""
@@ -78,7 +90,7 @@ class Baseline(ABC):
         """Return the state before the first tick: filter at rest."""
         zero = np.zeros(self.arm.nv)
         zero.setflags(write=False)
-        return BaselineState(zero, zero)
+        return BaselineState(zero, zero, zero, zero, zero)
 
     def step(
         self,
@@ -87,6 +99,7 @@ class Baseline(ABC):
         v: ArrayLike,
         reference: Reference,
         tau_ext: ArrayLike,
+        period: float | None = None,
     ) -> tuple[ControllerOutput, BaselineState]:
         """Compute the torque of one tick; see `ImpedanceController.step`.
 
@@ -96,6 +109,7 @@ class Baseline(ABC):
             v: Measured velocity, shape (nv,) [rad/s or m/s].
             reference: Desired motion at this tick.
             tau_ext: Measured torque of the environment on the robot, shape (nv,) [N·m or N].
+            period: Measured time since the tick before; dt if it is not given [s].
 
         Returns:
             The output, and the state for the next tick.
@@ -103,8 +117,11 @@ class Baseline(ABC):
         Raises:
             DimensionError: Wrong shape or kind.
             NonFiniteError: An input holds NaN or infinity.
+            InputError: A period that `elapsed` refuses.
         """
-        q_e, v_e = state
+        if period is not None:
+            state = self.elapsed(state, period)
+        q_e, v_e = state.q_e, state.v_e
         tick = track(
             self.arm, self._filter, q_e, v_e, q=q, v=v, reference=reference, tau_ext=tau_ext
         )
@@ -122,7 +139,37 @@ class Baseline(ABC):
             clipped=none.copy(),
             reference_limited=none.copy(),
         )
-        return output, BaselineState(*self._filter.advance(q_e, v_e, tick.tau_ext))
+        following = self._filter.advance(q_e, v_e, tick.tau_ext)
+        return output, BaselineState(*following, np.array(tick.tau_ext), q_e, v_e)
+
+    def elapsed(self, state: BaselineState, period: float) -> BaselineState:
+        """Return the state at a tick that comes a measured time after the one before; see `ImpedanceController`.
+
+        Args:
+            state: From the tick before.
+            period: Time since then [s]; see `ImpedanceController.elapsed`.
+
+        Raises:
+            InputError: A period that is refused there.
+        """
+        period = checked_period(period, self.dt)
+        if period == self.dt:
+            return state
+        before = state.q_e_before, state.v_e_before, state.tau_ext
+        q_e, v_e = self._filter.advance(*before, period)
+        return state._replace(q_e=q_e, v_e=v_e)
+
+    def handover(self, state: BaselineState, now: Situation) -> BaselineState:
+        """Return the state with which the controller takes the arm over as it is now: q_r = q and v_r = v.
+
+        Args:
+            state: The last state, or that of `init`.
+            now: The arm at the tick to come.
+        """
+        q_e = self.arm.raw_dynamics.difference(now.reference.q, now.q)
+        v_e = now.v - now.reference.v
+        tau_ext = np.array(now.tau_ext)
+        return state._replace(q_e=q_e, v_e=v_e, tau_ext=tau_ext, q_e_before=q_e, v_e_before=v_e)
 
     def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
         """Return e_im (paper, eq. 5), shape (nv,) [N·m or N]; see `ImpedanceController`.

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from .._common.arrays import Array, per_joint, positive_number
 from .._common.deprecation import renamed_arguments, renamed_attribute
 from .._common.frozen import set_fields
-from ..exceptions import InputError, ParameterError
+from ..exceptions import ParameterError
 from ..law.bounded_surface import clipped
 from ..law.impedance import TargetFilter, TargetImpedance
 from ..law.limits import Allocation, Limits, as_limits
@@ -23,13 +23,11 @@ from ..robot.knowledge import Knowledge, as_knowledge, model_torque
 from ..trajectories import Reference
 from .compiled.selection import compiled_tick
 from .errors import check_measurements, track
-from .protocol import Backend, Step, Tick
+from .protocol import Backend, Step, Tick, checked_period
 from .realtime import RealtimeController
 from .telemetry import ControllerOutput as ControllerOutput  # noqa: PLC0414 (part of this module's interface)
 from .telemetry import ControllerState as ControllerState  # noqa: PLC0414 (part of this module's interface)
-
-LONGEST_PERIOD = 100.0
-"""Longest measured period that a tick accepts, in control periods."""
+from .telemetry import Situation as Situation  # noqa: PLC0414 (part of this module's interface)
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -198,13 +196,38 @@ class ImpedanceController:
         Raises:
             InputError: Not such a number.
         """
-        period = _checked_period(period, self.dt)
+        period = checked_period(period, self.dt)
         if state.ticks == 0 or period == self.dt:
             return state
         before = state.q_e_before, state.v_e_before, state.tau_ext
         q_e, v_e = self._filter.advance(*before, period)
         z = state.z_before + (state.z - state.z_before) * (period / self.dt)
         return state._replace(q_e=q_e, v_e=v_e, z=z)
+
+    def handover(self, state: ControllerState, now: Situation) -> ControllerState:
+        """Return the state with which the controller takes the arm over as it is now.
+
+        The impedance filter starts from where the arm is: q_e = q (-) q_d, v_e = v - v_d, so that q_r = q, v_r = v and
+        s = 0. The integral keeps what it knows of the load, and the rate limit counts from the torque that acts.
+
+        Args:
+            state: The last state, or that of `init`.
+            now: The arm at the tick to come.
+        """
+        q_e = self.arm.raw_dynamics.difference(now.reference.q, now.q)
+        v_e, zero = now.v - now.reference.v, np.zeros(self.arm.nv)
+        return state._replace(
+            ticks=max(state.ticks, 1),
+            q_e=q_e,
+            v_e=v_e,
+            x=zero,
+            a=zero.copy(),
+            tau=np.array(now.tau),
+            tau_ext=np.array(now.tau_ext),
+            q_e_before=q_e,
+            v_e_before=v_e,
+            z_before=state.z,
+        )
 
     def with_impedance(self, impedance: TargetImpedance) -> ImpedanceController:
         """Return the same controller with another target; a run goes on with the state that it has.
@@ -348,17 +371,6 @@ class ImpedanceController:
 
     knowledge = renamed_attribute("knowledge", "model")
     lean = renamed_attribute("lean", "realtime")
-
-
-def _checked_period(period: float, dt: float) -> float:
-    words = f"a time in (0, {LONGEST_PERIOD:g}·dt = {LONGEST_PERIOD * dt:g} s]; after a longer pause begin with `init`"
-    try:
-        period = float(period)
-    except (TypeError, ValueError):
-        raise InputError(f"period is {period!r}; it has to be {words}") from None
-    if not 0.0 < period <= LONGEST_PERIOD * dt:
-        raise InputError(f"period is {period:g} s; it has to be {words}")
-    return period
 
 
 def _check_backend(backend: str) -> None:

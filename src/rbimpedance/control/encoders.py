@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Generic, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,10 +12,10 @@ from .._common.arrays import Array, per_joint, positive, vector
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
 from ..interaction.sensors import LowPass
-from ..robot.arm_model import ArmModel
 from ..trajectories import Reference
-from .controller import ControllerOutput
-from .protocol import Controller, StateT
+from .protocol import Controller
+from .telemetry import ControllerOutput
+from .wrapper import ControllerWrapper
 
 VelocitySource: TypeAlias = Literal["differentiated", "measured"]
 """Where the velocity comes from."""
@@ -39,7 +39,7 @@ class EncoderState(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class QuantizedEncoders(Generic[StateT]):
+class QuantizedEncoders(ControllerWrapper[EncoderState]):
     """A controller that sees positions in whole counts, and velocities as their differences.
 
     It is a controller itself: `simulate` takes it like any other, and `ImperfectController` puts noise and delay before
@@ -68,7 +68,6 @@ class QuantizedEncoders(Generic[StateT]):
         DimensionError: A resolution for another number of joints.
     """
 
-    controller: Controller[StateT]
     resolution: Array
     velocity: VelocitySource
     bandwidth: float | None
@@ -76,7 +75,7 @@ class QuantizedEncoders(Generic[StateT]):
 
     def __init__(
         self,
-        controller: Controller[StateT],
+        controller: Controller[Any],
         *,
         resolution: ArrayLike = BITS_17,
         velocity: VelocitySource = "differentiated",
@@ -94,16 +93,6 @@ class QuantizedEncoders(Generic[StateT]):
             bandwidth=bandwidth,
             _low_pass=low_pass,
         )
-
-    @property
-    def arm(self) -> ArmModel:
-        """The controller's own model of the arm."""
-        return self.controller.arm
-
-    @property
-    def dt(self) -> float:
-        """Control period [s]."""
-        return self.controller.dt
 
     @property
     def position_noise(self) -> Array:
@@ -137,7 +126,7 @@ class QuantizedEncoders(Generic[StateT]):
         """Return the state before the first tick."""
         return EncoderState(None, None, self.controller.init())
 
-    def step(
+    def _step(
         self,
         state: EncoderState,
         q: ArrayLike,
@@ -145,27 +134,10 @@ class QuantizedEncoders(Generic[StateT]):
         reference: Reference,
         tau_ext: ArrayLike,
     ) -> tuple[ControllerOutput, EncoderState]:
-        """Compute the torque of one tick from what the encoders tell.
-
-        Args:
-            state: From `init` or from the tick before.
-            q: True configuration, shape (nq,).
-            v: True velocity, shape (nv,).
-            reference: Desired motion at this tick.
-            tau_ext: Torque of the environment, shape (nv,).
-
-        Raises:
-            DimensionError: Wrong shape or kind.
-            NonFiniteError: An input holds NaN or infinity.
-        """
         counted = self._counted(self.arm.check_configuration("q", q))
         told = self._velocity(state, counted, vector("v", v, self.arm.nv))
         output, inner = self.controller.step(state.inner, counted, told, reference, tau_ext)
         return output, EncoderState(counted, told, inner)
-
-    def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
-        """Return e_im of the paper's eq. (5) with the errors that the controller sees; see `Controller`."""
-        return self.controller.impedance_error(output, a)
 
     def _counted(self, q: Array) -> Array:
         """The configuration that is a whole number of counts away from neutral."""

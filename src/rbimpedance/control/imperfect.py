@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Generic, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 from .._common.arrays import Array, gain, not_negative, per_joint, vector
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
-from ..robot.arm_model import ArmModel
 from ..trajectories import Reference
-from .controller import ControllerOutput
-from .protocol import Controller, StateT
+from .protocol import Controller
+from .telemetry import ControllerOutput, Situation
+from .wrapper import ControllerWrapper
 
 
 class Measurement(NamedTuple):
@@ -46,7 +46,7 @@ class ImperfectState(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class ImperfectController(Generic[StateT]):
+class ImperfectController(ControllerWrapper[ImperfectState]):
     """A controller that sees noisy, late measurements and whose torque arrives with a wrong gain.
 
     It is a controller itself: `simulate` takes it like any other. The noise is a function of the seed and the tick,
@@ -68,7 +68,6 @@ class ImperfectController(Generic[StateT]):
         DimensionError: One of them is given for another number of joints.
     """
 
-    controller: Controller[StateT]
     position_noise: Array
     velocity_noise: Array
     delay: int
@@ -77,7 +76,7 @@ class ImperfectController(Generic[StateT]):
 
     def __init__(
         self,
-        controller: Controller[StateT],
+        controller: Controller[Any],
         *,
         position_noise: ArrayLike = 0.0,
         velocity_noise: ArrayLike = 0.0,
@@ -97,21 +96,11 @@ class ImperfectController(Generic[StateT]):
             seed=whole_number("seed", seed),
         )
 
-    @property
-    def arm(self) -> ArmModel:
-        """The controller's own model of the arm."""
-        return self.controller.arm
-
-    @property
-    def dt(self) -> float:
-        """Control period [s]."""
-        return self.controller.dt
-
     def init(self) -> ImperfectState:
         """Return the state before the first tick."""
         return ImperfectState(0, (), self.controller.init())
 
-    def step(
+    def _step(
         self,
         state: ImperfectState,
         q: ArrayLike,
@@ -119,19 +108,6 @@ class ImperfectController(Generic[StateT]):
         reference: Reference,
         tau_ext: ArrayLike,
     ) -> tuple[ControllerOutput, ImperfectState]:
-        """Compute the torque of one tick from the measurement of `delay` ticks ago.
-
-        Args:
-            state: From `init` or from the tick before.
-            q: True configuration, shape (nq,).
-            v: True velocity, shape (nv,).
-            reference: Desired motion at this tick.
-            tau_ext: True torque of the environment, shape (nv,).
-
-        Raises:
-            DimensionError: Wrong shape or kind.
-            NonFiniteError: An input holds NaN or infinity.
-        """
         seen = self._measure(state.ticks, q, v, tau_ext)
         pending = (*(state.pending or self.delay * (seen,)), seen)
         late = pending[0]
@@ -140,9 +116,14 @@ class ImperfectController(Generic[StateT]):
         kept = pending[1:] if self.delay else ()
         return output, ImperfectState(state.ticks + 1, kept, inner)
 
-    def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
-        """Return e_im of the paper's eq. (5) with the errors that the controller sees; see `Controller`."""
-        return self.controller.impedance_error(output, a)
+    def handover(self, state: ImperfectState, now: Situation) -> ImperfectState:
+        """Return the state with which the arm is taken over as it is now; measurements on their way are dropped.
+
+        Args:
+            state: The last state, or that of `init`.
+            now: The arm at the tick to come.
+        """
+        return state._replace(pending=(), inner=self.controller.handover(state.inner, now))
 
     def _measure(self, tick: int, q: ArrayLike, v: ArrayLike, tau_ext: ArrayLike) -> Measurement:
         arm = self.arm

@@ -8,9 +8,12 @@ from typing import Any, Literal, Protocol, TypeAlias, TypeVar
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array
+from ..exceptions import InputError
+from ..law.impedance import TargetImpedance
+from ..law.limits import Limits
 from ..robot.arm_model import ArmModel
 from ..trajectories import Reference
-from .telemetry import ControllerOutput, ControllerState
+from .telemetry import ControllerOutput, ControllerState, Situation
 
 Backend = Literal["pinocchio", "compiled"]
 """Whose algorithms compute the dynamics: Pinocchio's, or the same as compiled code."""
@@ -18,8 +21,12 @@ Backend = Literal["pinocchio", "compiled"]
 StateT = TypeVar("StateT")
 
 
+LONGEST_PERIOD = 100.0
+"""Longest measured period that a tick accepts, in control periods."""
+
+
 class Controller(Protocol[StateT]):
-    """What `simulate` needs of a controller; the baselines share it."""
+    """What runs, wraps and compares controllers: the law, the baselines and all wrappers have it."""
 
     @property
     def arm(self) -> ArmModel:
@@ -29,20 +36,16 @@ class Controller(Protocol[StateT]):
     def dt(self) -> float:
         """Control period [s]."""
 
+    @property
+    def impedance(self) -> TargetImpedance:
+        """Target impedance."""
+
+    @property
+    def limits(self) -> Limits | None:
+        """Limits of the torque that it gives, None where it keeps none."""
+
     def init(self) -> StateT:
         """Return the state before the first tick."""
-
-    def step(
-        self, state: StateT, q: ArrayLike, v: ArrayLike, reference: Reference, tau_ext: ArrayLike
-    ) -> tuple[ControllerOutput, StateT]:
-        """Return the output of one tick and the next state."""
-
-    def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
-        """Return e_im of the paper's eq. (5), given the acceleration a that the tick's torque led to."""
-
-
-class PeriodicController(Controller[StateT], Protocol[StateT]):
-    """A controller whose tick takes the measured time since the tick before."""
 
     def step(
         self,
@@ -53,7 +56,16 @@ class PeriodicController(Controller[StateT], Protocol[StateT]):
         tau_ext: ArrayLike,
         period: float | None = None,
     ) -> tuple[ControllerOutput, StateT]:
-        """Return the output of one tick and the next state."""
+        """Return the output of one tick and the next state; period is the measured time since the tick before."""
+
+    def elapsed(self, state: StateT, period: float) -> StateT:
+        """Return the state at a tick that comes a measured time after the one before, instead of dt after it."""
+
+    def handover(self, state: StateT, now: Situation) -> StateT:
+        """Return the state with which the controller takes the arm over as it is now, without a jump."""
+
+    def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
+        """Return e_im of the paper's eq. (5), given the acceleration a that the tick's torque led to."""
 
 
 Step: TypeAlias = Callable[[Any, Any, Any, Any, Reference, Any], Any]
@@ -84,3 +96,22 @@ class Tick(Protocol):
 
     def ticker(self, tau: Array) -> tuple[Step, Any]:
         """Return the tick that writes to tau, and the next state over the one before, and answers True."""
+
+
+def checked_period(period: float, dt: float) -> float:
+    """Return a measured period as a number that is possible.
+
+    Raises:
+        InputError: Not more than 0 and at most `LONGEST_PERIOD` control periods.
+    """
+    words = (
+        f"a time in (0, {LONGEST_PERIOD:g}·dt = {LONGEST_PERIOD * dt:g} s]; "
+        "after a longer pause take the arm over anew, as `SoftStart` does"
+    )
+    try:
+        period = float(period)
+    except (TypeError, ValueError):
+        raise InputError(f"period is {period!r}; it has to be {words}") from None
+    if not 0.0 < period <= LONGEST_PERIOD * dt:
+        raise InputError(f"period is {period:g} s; it has to be {words}")
+    return period

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 
 from .._common.arrays import Array
 from ..trajectories import Reference
-from .protocol import PeriodicController, Step, Tick
-from .telemetry import ControllerState
+from .protocol import Controller, Step, Tick
+from .telemetry import ControllerState, Situation
 
 
 class RealtimeController:
@@ -34,7 +34,7 @@ class RealtimeController:
 
     def __init__(
         self,
-        controller: PeriodicController[ControllerState],
+        controller: Controller[ControllerState],
         compiled: Tick | None,
         state: ControllerState | None = None,
     ) -> None:
@@ -63,6 +63,14 @@ class RealtimeController:
         """
         state = self.controller.init() if state is None else state
         self._memory = state if self._compiled is None else self._compiled.block(state)
+
+    def handover(self, now: Situation) -> None:
+        """Take the arm over as it is now; see `ImpedanceController.handover`.
+
+        Args:
+            now: The arm at the tick to come.
+        """
+        self.reset(self.controller.handover(self.state, now))
 
     def torque(
         self,

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from .._common.arrays import Array, BoolArray
 from .._common.deprecation import warn_renamed
+from ..trajectories import Reference
 
 FLAGS = ("saturated", "rate_limited", "clipped", "reference_limited")
 """Fields of `ControllerOutput` that say what held a joint back; a run's log has them, too."""
@@ -93,3 +94,23 @@ class ControllerOutput(NamedTuple):
         """Deprecated: `reference_limited`."""
         warn_renamed("held", "reference_limited")
         return self.reference_limited
+
+
+class Situation(NamedTuple):
+    """The arm as it is when a controller takes it over.
+
+    Attributes:
+        q: Configuration, shape (nq,).
+        v: Velocity, shape (nv,) [rad/s or m/s].
+        a: Acceleration as far as it is known, shape (nv,) [rad/s² or m/s²].
+        reference: Desired motion at the tick to come.
+        tau: Motor torque that acts, shape (nv,) [N·m or N].
+        tau_ext: Torque of the environment, shape (nv,) [N·m or N].
+    """
+
+    q: Array
+    v: Array
+    a: Array
+    reference: Reference
+    tau: Array
+    tau_ext: Array

@@ -95,6 +95,17 @@ class Limits:
         is_bound = (applied <= lower) | (applied >= upper)
         return Allocation(applied, saturated, is_bound & ~saturated, acceleration_deficit)
 
+    def nearest(self, tau: Array, before: Array | None, dt: float) -> Array:
+        """Return the torque within the limits that is nearest on every joint, shape (nv,).
+
+        Args:
+            tau: Wanted torque, shape (nv,) [N·m or N].
+            before: Torque of the tick before, shape (nv,); None at the first tick.
+            dt: Time since then [s].
+        """
+        within: Array = np.clip(tau, *self._bounds(before, dt))
+        return within
+
     def _bounds(self, before: Array | None, dt: float) -> tuple[Array, Array]:
         """Least and largest torque of this tick."""
         if before is None:

@@ -7,3 +7,5 @@ from .fault_telemetry import GuardedOutput as GuardedOutput
 from .faults import Fault as Fault
 from .faults import FaultError as FaultError
 from .faults import OperatingRange as OperatingRange
+from .soft_start import SoftStart as SoftStart
+from .soft_start import SoftStartState as SoftStartState

@@ -19,9 +19,9 @@ from ..._common.frozen import set_fields
 from ...exceptions import ParameterError
 from ...interaction import Sensor
 from ...law.impedance import Impedance, ImpedanceMatrices, TargetFilter
-from ...robot.arm_model import ArmModel
 from ...trajectories import Reference
 from ..controller import ControllerOutput, ImpedanceController
+from ..wrapper import ControllerWrapper
 
 
 class TankState(NamedTuple):
@@ -51,7 +51,7 @@ class TankState(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class EnergyTank:
+class EnergyTank(ControllerWrapper[TankState]):
     """A controller whose impedance gives out no more energy than it was given, plus what is in a tank.
 
     The tank T starts with `start` and never holds more than `capacity`. In every period
@@ -122,16 +122,6 @@ class EnergyTank:
             _in_use=_InUse(controller),
         )
 
-    @property
-    def arm(self) -> ArmModel:
-        """The controller's own model of the arm."""
-        return self.controller.arm
-
-    @property
-    def dt(self) -> float:
-        """Control period [s]."""
-        return self.controller.dt
-
     def with_impedance(self, impedance: Impedance) -> EnergyTank:
         """Return the same tank with another wanted target; a run goes on with the state that it has.
 
@@ -165,34 +155,16 @@ class EnergyTank:
             share=0.0,
         )
 
-    def step(
+    def _step(
         self,
         state: TankState,
         q: ArrayLike,
         v: ArrayLike,
         reference: Reference,
         tau_ext: ArrayLike,
-        period: float | None = None,
     ) -> tuple[ControllerOutput, TankState]:
-        """Compute the torque of one tick; see `ImpedanceController.step`.
-
-        Args:
-            state: From `init` or from the tick before.
-            q: Measured configuration, shape (nq,).
-            v: Measured velocity, shape (nv,) [rad/s or m/s].
-            reference: Desired motion at this tick.
-            tau_ext: Measured torque of the environment on the robot, shape (nv,) [N·m or N].
-            period: Measured time since the tick before; dt if it is not given [s].
-
-        Raises:
-            DimensionError: Wrong shape or kind.
-            NonFiniteError: An input holds NaN or infinity.
-            InputError: A period that `ImpedanceController.elapsed` refuses.
-        """
         q, v = self.arm.check_configuration("q", q), vector("v", v, self.arm.nv)
         told = vector("tau_ext", tau_ext, self.arm.nv)
-        if period is not None:
-            state = self.elapsed(state, period)
         observed, observer = told, None
         if self.observer is not None:
             observed, observer = self.observer.step(state.observer, q, v, state.tau, told)
@@ -216,15 +188,6 @@ class EnergyTank:
         """
         controller, _ = self._in_use.with_gains(state.matrices)
         return state._replace(inner=controller.elapsed(state.inner, period))
-
-    def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
-        """Return e_im towards the wanted target; see `ImpedanceController.impedance_error`.
-
-        Args:
-            output: Of the tick.
-            a: Acceleration under the tick's torque, measured or simulated, shape (nv,).
-        """
-        return self.controller.impedance_error(output, a)
 
     def _with_paid_gains(self, state: TankState) -> TankState:
         """Go from the gains in use to the wanted ones as far as the tank pays for it."""

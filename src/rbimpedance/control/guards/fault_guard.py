@@ -12,79 +12,96 @@ from numpy.typing import ArrayLike
 from ..._common.arrays import Array, is_finite, per_joint, positive_number
 from ..._common.frozen import set_fields
 from ...exceptions import InputError, ParameterError
-from ...interaction.estimators import MomentumObserver, MomentumState
 from ...law.limits import Limits, as_limits
 from ...robot.arm_model import ArmModel
 from ...trajectories import Reference
-from ..controller import LONGEST_PERIOD, ControllerOutput
-from ..protocol import Controller
+from ..protocol import LONGEST_PERIOD, Controller
+from ..telemetry import ControllerOutput, Situation
+from ..wrapper import ControllerWrapper
+from .belief import Belief, Believer
+from .effect_monitor import EffectMonitor, EffectState
 from .fault_telemetry import FaultEvent as FaultEvent  # noqa: PLC0414 (part of this module's interface)
 from .fault_telemetry import FaultGuardState as FaultGuardState  # noqa: PLC0414 (likewise)
 from .fault_telemetry import GuardedOutput as GuardedOutput  # noqa: PLC0414 (likewise)
 from .fault_telemetry import Policy, Response
 from .faults import Fault, FaultError, OperatingRange
-from .handover import handed_over, takes_period
-from .input_monitor import Monitor, Reading
+from .input_monitor import Monitor
+from .soft_start import SoftStart, SoftStartState
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class FaultGuard:
+class FaultGuard(ControllerWrapper[FaultGuardState]):
     """A controller that meets faults with a policy; what leaves it is finite and within the limits, always.
 
-    Every tick is judged by a `Monitor`, and so is the torque that the controller computes. At a fault
+    A `Monitor` checks the inputs of every tick, and the guard the torque that the controller computes; an
+    `EffectMonitor` finds that the torque moves nothing. At a fault
 
     - "raise" raises, and the state stays as it was;
     - "hold" gives the last torque of the controller less damping, tau = tau_safe - (t/T)·λ·M(q) v, which sets in over
-      T = `longest_hold`, and then does as "stop";
+      T = `longest_hold`, and then does as "stop"; so it does at once where a measurement is out of range but right, or
+      the torque has no effect;
     - "stop" brings the arm to rest: tau = M(q)(-λ v) + bias(q, v) - r, with r what a momentum observer of bandwidth λ
-      finds to act beside the motors: an unknown payload, and the environment, whatever is told of it.
+      finds to act beside the motors: an unknown payload, and the environment, whatever is said of it.
 
-    Where q and v cannot be used the model tells how they went on: v⁺ = v + h·a, a by ABA from tau and r.
+    Positions and velocities that agree are believed, however large. Where one of the two is lost on a joint, the other
+    one gives it. Where both are lost on a joint the guard is blind: for `longest_blind` the model predicts q and v,
+    v⁺ = v + h·a, a by ABA from tau and r. From then on the output says `brakes_requested` and the torque decays,
+    tau⁺ = tau·e^(-h/`longest_blind`), or as fast as the rate limit allows. Without brakes a heavy arm then sinks.
 
-    The controller is back after `patience` ticks without a fault. Its impedance filter then starts from where the arm
-    is, q_e = q (-) q_d and v_e = v - v_d, so that the errors are zero and the arm returns to the desired motion as its
-    target impedance lets it; what the integrator knows of the load stays. The torque meets the rate limit all along.
+    What is guaranteed: an arm that is seen comes to rest, as long as the limits admit the torque and the environment
+    pushes with less. A blind arm comes to rest within `longest_blind` as far as model and r are right; whether they are
+    or not, its torque never stays the same, and goes to zero.
 
-    `step` is pure, as of any controller. The first tick has nothing to fall back on: there every policy raises.
+    The controller is back after `patience` ticks without a fault, by a `SoftStart` from where the arm is and the torque
+    that acts. What its integrator knows of the load stays, unless the torque had no effect.
+
+    `step` is pure, as of any controller. The first tick has nothing to fall back on: there every policy raises, unless
+    the measurement is right and only out of range.
 
     Attributes:
         controller: The controller that is guarded.
         policy: What to do at a fault.
-        limits: What leaves is within these; those of the controller by default, else the arm's effort limits.
         range: Measurements that are plausible; the arm's own by default.
         rate: λ, at which a motion dies away [1/s].
         longest_hold: Time after which "hold" becomes "stop" [s].
+        longest_blind: Time for which the model replaces lost measurements, and in which the torque decays after [s].
         patience: Ticks without a fault after which the controller is back.
+        way_back: Shortest time in which the controller returns to the desired motion [s].
         frozen_ticks: Fewest identical measurements that count as frozen; see `Monitor`.
-        frozen_travel: Motion that has to show meanwhile [rad or m]; see `Monitor`.
+        frozen_travel: Motion that has to show meanwhile [rad or m]; see `Monitor` and `EffectMonitor`.
 
     Raises:
         ParameterError: An unknown policy, a number that is not positive, or λ beyond half of 1/dt.
     """
 
-    controller: Controller[Any]
     policy: Policy
-    limits: Limits
     range: OperatingRange
     rate: float
     longest_hold: float
+    longest_blind: float
     patience: int
+    way_back: float
     frozen_ticks: int
     frozen_travel: float
     _monitor: Monitor
-    _observer: MomentumObserver
+    _effect: EffectMonitor
+    _believer: Believer
+    _limits: Limits
+    _start: SoftStart
     _on_event: Callable[[FaultEvent], object] | None
 
     def __init__(
         self,
-        controller: Any,
+        controller: Controller[Any],
         policy: Policy = "stop",
         *,
         limits: Limits | ArrayLike | None = None,
         range: OperatingRange | None = None,
         rate: float = 20.0,
         longest_hold: float = 0.1,
+        longest_blind: float = 0.25,
         patience: int = 5,
+        way_back: float = 0.5,
         frozen_ticks: int = 3,
         frozen_travel: float = 2e-4,
         on_event: Callable[[FaultEvent], object] | None = None,
@@ -98,12 +115,14 @@ class FaultGuard:
             range: Plausible measurements.
             rate: λ [1/s].
             longest_hold: Longest time to hold [s].
+            longest_blind: Longest time to go on by the model alone [s].
             patience: Ticks without a fault after which the controller is back, at least 1.
+            way_back: Shortest time of the way back [s]; see `SoftStart`.
             frozen_ticks: See `Monitor`, at least 1.
             frozen_travel: See `Monitor`; more than twice the resolution of the encoders.
             on_event: Is told of every change, for logs; the answer of `step` does not depend on it.
         """
-        arm: ArmModel = controller.arm
+        arm = controller.arm
         if policy not in get_args(Policy):
             raise ParameterError("policy", policy, '"raise", "hold" or "stop"')
         rate = positive_number("rate", rate, "rate in 1/s")
@@ -112,227 +131,250 @@ class FaultGuard:
         range = OperatingRange(arm) if range is None else range
         frozen_ticks = _count("frozen_ticks", frozen_ticks)
         travel = positive_number("frozen_travel", frozen_travel, "way in rad or m")
+        within = _limits(arm, controller.limits if limits is None else limits)
         set_fields(
             self,
             controller=controller,
             policy=policy,
-            limits=_limits(arm, limits, controller),
+            _limits=within,
             range=range,
             rate=rate,
             longest_hold=positive_number("longest_hold", longest_hold, "time in seconds"),
+            longest_blind=positive_number("longest_blind", longest_blind, "time in seconds"),
             patience=_count("patience", patience),
+            way_back=positive_number("way_back", way_back, "time in seconds"),
             frozen_ticks=frozen_ticks,
             frozen_travel=travel,
             _monitor=Monitor(arm, range, frozen_ticks, travel),
-            _observer=MomentumObserver(arm, rate, controller.dt),
+            _effect=EffectMonitor(travel, within.effort),
+            _believer=Believer(arm, range, rate, controller.dt),
+            _start=SoftStart(controller, way_back),
             _on_event=on_event,
         )
 
     @property
-    def arm(self) -> ArmModel:
-        """The controller's own model of the arm."""
-        return self.controller.arm
-
-    @property
-    def dt(self) -> float:
-        """Control period [s]."""
-        return self.controller.dt
+    def limits(self) -> Limits:
+        """What leaves is within these; those of the controller by default, else the arm's effort limits."""
+        return self._limits
 
     def init(self) -> FaultGuardState:
         """Return the state before the first tick."""
         zero, q = np.zeros(self.arm.nv), np.array(self.arm.neutral)
         return FaultGuardState(
-            inner=self.controller.init(),
+            inner=self._start.init(),
             monitor=self._monitor.init(),
-            observer=self._observer.init(),
-            q=q,
-            v=zero,
+            effect=self._effect.init(),
+            known=self._believer.init(),
             tau=zero,
             safe=zero,
             tau_ext=zero,
             q_e=zero,
             v_e=zero,
+            e1=zero,
             reference=Reference(q, zero, zero),
             response="run",
             fault=None,
             since=0.0,
             sound=0,
+            period=None,
         )
 
-    def step(
+    def elapsed(self, state: FaultGuardState, period: float) -> FaultGuardState:
+        """Return the state at a tick that comes a measured time after the one before, instead of dt after it.
+
+        Args:
+            state: From the tick before.
+            period: Time since then [s]. One that cannot be is a fault of the tick to come.
+        """
+        try:
+            measured = float(period)
+        except (TypeError, ValueError):
+            measured = -1.0
+        return state._replace(period=measured if 0.0 < measured < np.inf else -1.0)
+
+    def handover(self, state: FaultGuardState, now: Situation) -> FaultGuardState:
+        """Return the state with which the arm is taken over as it is now; see `SoftStart.handover`.
+
+        Args:
+            state: The last state, or that of `init`.
+            now: The arm at the tick to come.
+        """
+        inner = self._start.handover(state.inner, now)
+        return state._replace(inner=inner, tau=np.array(now.tau), tau_ext=np.array(now.tau_ext))
+
+    def _step(
         self,
         state: FaultGuardState,
         q: ArrayLike,
         v: ArrayLike,
         reference: Reference,
         tau_ext: ArrayLike,
-        period: float | None = None,
     ) -> tuple[GuardedOutput, FaultGuardState]:
-        """Compute the torque of one tick; see `ImpedanceController.step`.
-
-        Args:
-            state: From `init` or from the tick before.
-            q: Measured configuration, shape (nq,).
-            v: Measured velocity, shape (nv,) [rad/s or m/s].
-            reference: Desired motion at this tick.
-            tau_ext: Measured torque of the environment on the robot, shape (nv,) [N·m or N].
-            period: Measured time since the tick before; dt if it is not given [s].
+        """A tick.
 
         Raises:
             FaultError: A fault, where the policy is "raise" or the tick is the first.
         """
         with np.errstate(all="ignore"):  # whatever overflows is found by looking at it
-            elapsed, fault = self._elapsed(period)
-            reading, monitor = self._monitor.read(
-                state.monitor, q, v, reference, tau_ext, state.v_e, elapsed
-            )
-            fault = fault or reading.fault
-            believed = self._believed(state, reading, elapsed)._replace(monitor=monitor)
-            sound = 0 if fault else state.sound + 1
-            believed = believed._replace(sound=sound, fault=fault or state.fault)
-            is_running = state.response == "run"
-            if fault is None and (is_running or sound >= self.patience):
-                output, fault, following = self._run(state, believed, elapsed, period)
+            now, fault = self._now(state, q, v, reference, tau_ext)
+            if fault is None and (state.response == "run" or now.sound >= self.patience):
+                output, fault, following = self._run(state, now)
                 if fault is None and output is not None:
                     return self._told(state, output, following)
-                believed = believed._replace(sound=0, fault=fault)
-            if fault is not None and (self.policy == "raise" or state.monitor.ticks == 0):
+                now = now._replace(sound=0, fault=fault)
+            if fault is not None and not self._meets(fault, state):
                 raise FaultError(fault)
-            return self._told(state, *self._fall_back(state, believed, elapsed))
+            return self._told(state, *self._fall_back(state, now))
 
-    def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
-        """Return e_im; see `ImpedanceController.impedance_error`.
-
-        Args:
-            output: Of the tick.
-            a: Acceleration under the tick's torque, measured or simulated, shape (nv,).
-        """
-        return self.controller.impedance_error(output, a)
-
-    def _elapsed(self, period: float | None) -> tuple[float, Fault | None]:
-        """Time since the tick before; the period, and a fault, where what was measured cannot be."""
-        if period is None:
-            return self.dt, None
-        try:
-            elapsed = float(period)
-        except (TypeError, ValueError):
-            elapsed = np.nan
-        if 0.0 < elapsed < np.inf:
-            return elapsed, None
-        words = f"period is {period!r}; it has to be a positive time in seconds"
-        return self.dt, Fault("malformed", "period", (), words)
-
-    def _believed(
-        self, state: FaultGuardState, reading: Reading, elapsed: float
-    ) -> FaultGuardState:
-        """The state with q, v, tau_ext, reference and r as far as they are known at this tick."""
-        tau_ext = np.zeros_like(state.tau) if reading.tau_ext is None else reading.tau_ext
-        desired = state.reference if reading.reference is None else reading.reference
-        following = state._replace(tau_ext=tau_ext, reference=desired)
-        if reading.q is not None and reading.v is not None:
-            observer = self._observed(state, reading.q, reading.v, elapsed)
-            return following._replace(q=reading.q, v=reading.v, observer=observer)
-        following = following._replace(observer=state.observer._replace(v=None))
-        q, v = self._predicted(state, min(elapsed, LONGEST_PERIOD * self.dt))
-        return following._replace(q=q, v=v) if is_finite((q, v)) else following
-
-    def _observed(
-        self, state: FaultGuardState, q: Array, v: Array, elapsed: float
-    ) -> MomentumState:
-        """What the momentum says of the torque that neither motors nor model explain."""
-        observer = self._observer
-        if elapsed != self.dt:
-            observer = MomentumObserver(self.arm, self.rate, elapsed)
-        _, following = observer.step(state.observer, q, v, state.tau, state.tau_ext)
-        return following if is_finite(following) else state.observer._replace(v=None)
-
-    def _predicted(self, state: FaultGuardState, elapsed: float) -> tuple[Array, Array]:
-        """Where the model says that the state went since the tick before."""
-        dynamics, q, v = self.arm.raw_dynamics, state.q, state.v
-        torque = state.tau + state.observer.r
-        steps = max(round(elapsed / self.dt), 1)
-        h = elapsed / steps
-        for _ in range(steps):
-            v = v + h * dynamics.damped_forward_dynamics(q, v, torque, h)
-            if not (np.abs(v) <= 2.0 * self.range.velocity).all():
-                return q, np.full_like(v, np.nan)
-            q = dynamics.integrate(q, h * v)
-        return q, v
-
-    def _run(
+    def _now(
         self,
         state: FaultGuardState,
-        believed: FaultGuardState,
-        elapsed: float,
-        period: float | None,
+        q: ArrayLike,
+        v: ArrayLike,
+        reference: Reference,
+        tau_ext: ArrayLike,
+    ) -> tuple[FaultGuardState, Fault | None]:
+        """The state with what is known of the arm at this tick, and what is wrong."""
+        fault = _NO_PERIOD if state.period == -1.0 else None
+        period = self.dt if state.period is None or fault else state.period
+        reading, monitor = self._monitor.read(
+            state.monitor, q, v, reference, tau_ext, state.v_e, period
+        )
+        desired = state.reference if reading.reference is None else reading.reference
+        told = np.zeros_like(state.tau) if reading.tau_ext is None else reading.tau_ext
+        known = self._believer.update(state.known, reading, state.tau, period)
+        stuck, effect = self._effects(state, known, told, period)
+        fault = fault or reading.fault or stuck
+        now = state._replace(
+            monitor=monitor,
+            effect=effect,
+            known=known,
+            tau_ext=told,
+            reference=desired,
+            fault=fault or state.fault,
+            sound=0 if fault else state.sound + 1,
+            since=state.since + period,
+            period=None if state.period is None else period,
+        )
+        return now, fault
+
+    def _effects(
+        self, state: FaultGuardState, known: Belief, tau_ext: Array, period: float
+    ) -> tuple[Fault | None, EffectState]:
+        """A fault where the torque that was sent moves nothing."""
+        if state.monitor.ticks == 0 or known.blind > 0.0:
+            return None, state.effect
+        stuck, effect = self._effect.look(
+            state.effect,
+            moved=self.arm.raw_dynamics.difference(state.known.q, known.q),
+            net=state.tau + tau_ext - known.observer.bias,
+            e1=state.e1 if state.response == "run" else np.zeros_like(tau_ext),
+            inertia=np.diag(known.observer.M),
+            period=period,
+        )
+        if not stuck.any():
+            return None, effect
+        joints = tuple(self.arm.joint_names[i] for i in np.flatnonzero(stuck))
+        words = "the torque moves nothing (brakes, a drive that is off, something in the way)"
+        return Fault("no effect", "tau", joints, f"{words}: {', '.join(joints)}"), effect
+
+    def _meets(self, fault: Fault, state: FaultGuardState) -> bool:
+        """Whether there is a torque to meet a fault with."""
+        return self.policy != "raise" and (state.monitor.ticks > 0 or _is_seen(fault))
+
+    def _run(
+        self, state: FaultGuardState, now: FaultGuardState
     ) -> tuple[GuardedOutput | None, Fault | None, FaultGuardState]:
         """A tick of the controller itself; a fault where it gives no finite torque."""
-        step: Any = self.controller.step
-        inner, since = state.inner, {}
-        is_late = elapsed > LONGEST_PERIOD * self.dt
-        if state.response != "run" or is_late:
-            inner = handed_over(self.controller, inner, believed)
-        elif period is not None and takes_period(self.controller):
-            since = {"period": elapsed}
+        (q, v, *_), reference, tau_ext = now.known, now.reference, now.tau_ext
         try:
-            output, following = step(
-                inner, believed.q, believed.v, believed.reference, believed.tau_ext, **since
-            )
+            inner = self._taken_over(state, now)
+            output, inner = self._start.follow(inner, q, v, reference, tau_ext)
         except (InputError, ArithmeticError, np.linalg.LinAlgError) as error:
             words = f"the controller cannot compute a torque: {error}"
-            return None, Fault("controller", "tau", (), words), believed
-        if not (is_finite(output.tau) and is_finite(following)):
+            return None, Fault("controller", "tau", (), words), now
+        if not (is_finite(output.tau) and is_finite(inner)):
             words = "the controller's torque or state is not finite"
-            return None, Fault("controller", "tau", (), words), believed
-        tau = self._within(state, output.tau)
+            return None, Fault("controller", "tau", (), words), now
+        tau = self._within(state, now, output.tau)
         if not np.array_equal(tau, output.tau):
             output = output._replace(tau=tau)
-        following = believed._replace(
-            inner=following,
+        following = now._replace(
+            inner=inner,
             tau=tau,
             safe=tau,
             q_e=output.q_e,
             v_e=output.v_e,
+            e1=output.e1,
             response="run",
             fault=None,
             since=0.0,
+            period=None,
         )
         return GuardedOutput.of(output), None, following
 
+    def _taken_over(self, state: FaultGuardState, now: FaultGuardState) -> SoftStartState:
+        """State of the controller for this tick; where it was away, with a soft start."""
+        start, is_late = self._start, self._is_late(now)
+        was_away = state.response != "run" or is_late
+        if was_away or (state.monitor.ticks > 0 and start.has_jumped(state.inner, now.reference)):
+            is_stale = is_late or (state.fault is not None and state.fault.kind == "no effect")
+            before = start.init() if is_stale else state.inner
+            return start.handover(before, self._situation(state, now))
+        return state.inner if now.period is None else start.elapsed(state.inner, now.period)
+
+    def _situation(self, state: FaultGuardState, now: FaultGuardState) -> Situation:
+        """The arm as it is; after a long pause, at rest with what holds it."""
+        dynamics, (q, v, *_) = self.arm.raw_dynamics, now.known
+        zero = np.zeros_like(v)
+        if self._is_late(now):
+            return Situation(q, v, zero, now.reference, dynamics.bias(q, zero), now.tau_ext)
+        a = dynamics.forward_dynamics(q, v, state.tau + now.known.r)
+        return Situation(q, v, a, now.reference, state.tau, now.tau_ext)
+
+    def _is_late(self, now: FaultGuardState) -> bool:
+        return now.period is not None and now.period > LONGEST_PERIOD * self.dt
+
     def _fall_back(
-        self, state: FaultGuardState, believed: FaultGuardState, elapsed: float
+        self, state: FaultGuardState, now: FaultGuardState
     ) -> tuple[GuardedOutput, FaultGuardState]:
         """A tick of the policy."""
-        since = 0.0 if state.response == "run" else state.since + elapsed
-        is_held = self.policy == "hold" and state.response != "stop" and since < self.longest_hold
-        response: Response = "hold" if is_held else "stop"
-        dynamics, q, v = self.arm.raw_dynamics, believed.q, believed.v
-        if is_held:
+        since = 0.0 if state.response == "run" else now.since
+        is_lost = now.known.blind > self.longest_blind
+        response = self._response(state, now, since)
+        dynamics, (q, v, *_), r = self.arm.raw_dynamics, now.known, now.known.r
+        if is_lost:
+            tau = state.tau * np.exp(-(now.period or self.dt) / self.longest_blind)
+        elif response == "hold":
             rate = self.rate * since / self.longest_hold
-            tau = believed.safe - rate * dynamics.mass_matrix(q) @ v
+            tau = now.safe - rate * dynamics.mass_matrix(q) @ v
         else:
-            tau = dynamics.inverse_dynamics(q, v, -self.rate * v) - believed.observer.r
-        tau = self._within(state, tau)
-        output = self._output(believed, tau)
-        following = believed._replace(tau=tau, response=response, since=since)
-        return GuardedOutput.of(output, response, believed.fault), following
+            tau = dynamics.inverse_dynamics(q, v, -self.rate * v) - r
+        tau = self._within(state, now, tau)
+        output = GuardedOutput.of(self._output(now, tau), response, now.fault, is_lost)
+        return output, now._replace(tau=tau, response=response, since=since, period=None)
 
-    def _output(self, believed: FaultGuardState, tau: Array) -> ControllerOutput:
+    def _response(self, state: FaultGuardState, now: FaultGuardState, since: float) -> Response:
+        is_seen = now.fault is not None and _is_seen(now.fault)
+        is_held = state.response != "stop" and since < self.longest_hold and not is_seen
+        return "hold" if self.policy == "hold" and is_held else "stop"
+
+    def _output(self, now: FaultGuardState, tau: Array) -> ControllerOutput:
         """What there is to say of a tick without the controller."""
-        q_d, v_d, a_d = believed.reference
-        q_r = self.arm.raw_dynamics.integrate(q_d, believed.q_e)
-        v_r = v_d + believed.v_e
-        e1 = self.arm.raw_dynamics.difference(believed.q, q_r)
+        q_d, v_d, a_d = now.reference
+        q_r = self.arm.raw_dynamics.integrate(q_d, now.q_e)
+        v_r = v_d + now.v_e
+        e1 = self.arm.raw_dynamics.difference(now.known.q, q_r)
         zero, none = np.zeros_like(tau), np.zeros(tau.shape, dtype=np.bool_)
         at_limit = np.abs(tau) >= self.limits.effort
-        change = np.abs(tau - believed.tau) >= self.limits.rate * self.dt
+        change = np.abs(tau - now.tau) >= self.limits.rate * self.dt
         return ControllerOutput(
             tau.copy(),
-            *(q_r, v_r, a_d.copy(), e1, v_r - believed.v),
+            *(q_r, v_r, a_d.copy(), e1, v_r - now.known.v),
             s=zero,
             u=zero.copy(),
-            q_e=believed.q_e.copy(),
-            v_e=believed.v_e.copy(),
+            q_e=now.q_e.copy(),
+            v_e=now.v_e.copy(),
             saturated=at_limit,
             rate_limited=change & ~at_limit,
             premise_holds=none,
@@ -340,16 +382,12 @@ class FaultGuard:
             reference_limited=none.copy(),
         )
 
-    def _within(self, state: FaultGuardState, tau: Array) -> Array:
+    def _within(self, state: FaultGuardState, now: FaultGuardState, tau: Array) -> Array:
         """The nearest torque that may leave; the one before where there is none."""
-        effort = self.limits.effort
         if not np.isfinite(tau).all():
             tau = state.tau
-        if state.monitor.ticks > 0:
-            change = self.limits.rate * self.dt
-            tau = np.clip(tau, state.tau - change, state.tau + change)
-        within: Array = np.clip(tau, -effort, effort)
-        return within
+        is_free = state.monitor.ticks == 0 or self._is_late(now)
+        return self.limits.nearest(tau, None if is_free else state.tau, self.dt)
 
     def _told(
         self, state: FaultGuardState, output: GuardedOutput, following: FaultGuardState
@@ -363,18 +401,22 @@ class FaultGuard:
 
 
 _NONE = Fault("malformed", "", (), "")
+_NO_PERIOD = Fault("malformed", "period", (), "period has to be a positive time in seconds")
 
 
-def _limits(arm: ArmModel, limits: Limits | ArrayLike | None, controller: object) -> Limits:
-    """The limits given, or the controller's, or the arm's; one number per joint."""
-    while limits is None and controller is not None:
-        limits = getattr(controller, "limits", None)
-        controller = getattr(controller, "controller", None)
+def _limits(arm: ArmModel, limits: Limits | ArrayLike | None) -> Limits:
+    """The limits, or the arm's; one number per joint."""
     chosen = as_limits(limits) or Limits(effort=arm.effort_limit)
     return Limits(
         effort=per_joint("limits.effort", chosen.effort, arm.nv),
         rate=per_joint("limits.rate", chosen.rate, arm.nv),
     )
+
+
+def _is_seen(fault: Fault) -> bool:
+    """Whether the motion is measured well and the arm is to come to rest at once."""
+    is_outside = fault.kind == "out of range" and fault.name in ("q", "v")
+    return is_outside or fault.kind == "no effect"
 
 
 def _count(name: str, value: Any) -> int:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 from ..._common.arrays import Array
-from ...interaction.estimators import MomentumState
 from ...trajectories import Reference
 from ..telemetry import ControllerOutput
+from .belief import Belief
+from .effect_monitor import EffectState
 from .faults import Fault
 from .input_monitor import MonitorState
+from .soft_start import SoftStartState
 
 Policy: TypeAlias = Literal["raise", "hold", "stop"]
 """What to do at a fault: raise an error, hold the last safe torque for a while, or stop at once."""
@@ -27,19 +29,31 @@ class GuardedOutput(ControllerOutput):
     Attributes:
         response: What the tick did.
         fault: Why; None while all is well. While a fault is over but not for long enough, the last one.
+        brakes_requested: The guard has been blind for too long, its torque decays to zero: only brakes hold the arm.
     """
 
     response: Response = "run"
     fault: Fault | None = None
+    brakes_requested: bool = False
 
     @classmethod
     def of(
-        cls, output: ControllerOutput, response: Response = "run", fault: Fault | None = None
+        cls,
+        output: ControllerOutput,
+        response: Response = "run",
+        fault: Fault | None = None,
+        brakes_requested: bool = False,
     ) -> GuardedOutput:
         """Return an output with what is to be said about it."""
         guarded = cls(*output)
         guarded.response, guarded.fault = response, fault
+        guarded.brakes_requested = brakes_requested
         return guarded
+
+    def _replace(self, **changes: Any) -> GuardedOutput:
+        """Return the output with other fields; what is said about it stays."""
+        changed = ControllerOutput(*self)._replace(**changes)
+        return self.of(changed, self.response, self.fault, self.brakes_requested)
 
 
 class FaultEvent(NamedTuple):
@@ -60,35 +74,38 @@ class FaultGuardState(NamedTuple):
     """What a `FaultGuard` remembers.
 
     Attributes:
-        inner: State of the controller that is guarded.
+        inner: State of the soft start around the controller that is guarded.
         monitor: State of the monitor of the inputs.
-        observer: State of the observer of what acts beside the motors.
-        q: Configuration, measured or as the model says it went on, shape (nq,).
-        v: Its velocity, shape (nv,) [rad/s or m/s].
+        effect: State of the monitor of the torque's effect.
+        known: What is believed of the arm.
         tau: Torque that left in the tick before, shape (nv,) [N·m or N].
         safe: The last torque of the controller, shape (nv,) [N·m or N].
         tau_ext: Torque of the environment, zero where it is not known, shape (nv,) [N·m or N].
         reference: The last sound desired motion, as (q, v, a).
         q_e: Position of the impedance filter at the last tick of the controller, shape (nv,) [rad or m].
         v_e: Its velocity, shape (nv,) [rad/s or m/s].
+        e1: Position error of the controller then, shape (nv,) [rad or m].
         response: What the tick before did.
         fault: Why.
         since: How long the response has been active [s].
         sound: Number of ticks in a row without a fault.
+        period: Measured time of the coming tick after the one before [s]; None where it was not measured, -1 where what
+            was measured cannot be.
     """
 
-    inner: Any
+    inner: SoftStartState
     monitor: MonitorState
-    observer: MomentumState
-    q: Array
-    v: Array
+    effect: EffectState
+    known: Belief
     tau: Array
     safe: Array
     tau_ext: Array
     reference: Reference
     q_e: Array
     v_e: Array
+    e1: Array
     response: Response
     fault: Fault | None
     since: float
     sound: int
+    period: float | None

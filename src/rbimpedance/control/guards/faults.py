@@ -23,10 +23,18 @@ LEVERAGE = 10.0
 """Range of tau_ext in effort limits."""
 
 FaultKind: TypeAlias = Literal[
-    "malformed", "not finite", "out of range", "jump", "frozen", "controller"
+    "malformed",
+    "not finite",
+    "out of range",
+    "jump",
+    "inconsistent",
+    "frozen",
+    "no effect",
+    "controller",
 ]
-"""What is wrong: an input of wrong shape or kind; NaN or infinity; a value outside the stated range; one that cannot
-follow the one before; a measurement that stands still where it cannot; a controller that computes no finite torque."""
+"""What is wrong: an input of wrong shape or kind; NaN or infinity; a value outside the stated range, measured well; one
+that cannot follow the one before; a velocity that is not how the positions move; a measurement that stands still where
+it cannot; a torque that moves nothing; a controller that computes no finite torque."""
 
 
 class Fault(NamedTuple):

@@ -23,9 +23,12 @@ class MonitorState(NamedTuple):
     Attributes:
         ticks: Number of ticks so far.
         q: The last sound configuration, shape (nq,).
-        v: Its velocity, shape (nv,) [rad/s or m/s].
-        since: Time since then, the tick before included [s].
-        still: For how many ticks the joint's position has been the same to the bit, shape (nv,).
+        v: The last sound velocity, shape (nv,) [rad/s or m/s].
+        since_q: Time since the joint's last sound position, shape (nv,) [s].
+        since_v: Time since its last sound velocity, shape (nv,) [s].
+        explained: Motion since the last sound position by the measured velocity, shape (nv,) [rad or m].
+        still: For how many ticks the joint's position has been the same to the bit although it should have moved,
+            shape (nv,).
         travel: How far the joint moved meanwhile by its own velocity, shape (nv,) [rad or m].
         expected: How far the reference moved since position or velocity was another, shape (nv,) [rad or m].
     """
@@ -33,7 +36,9 @@ class MonitorState(NamedTuple):
     ticks: int
     q: Array
     v: Array
-    since: float
+    since_q: Array
+    since_v: Array
+    explained: Array
     still: Array
     travel: Array
     expected: Array
@@ -43,15 +48,19 @@ class Reading(NamedTuple):
     """The inputs of a tick, judged.
 
     Attributes:
-        q: Measured configuration, shape (nq,), or None where it cannot be used.
-        v: Measured velocity, shape (nv,), likewise.
-        tau_ext: Measured torque of the environment, shape (nv,), likewise.
+        q: Measured configuration, shape (nq,); where `sees_q` is False, the last sound one.
+        v: Measured velocity, shape (nv,); where `sees_v` is False, that of the measured positions.
+        sees_q: Whether the joint's position can be used, shape (nv,), bool.
+        sees_v: Whether its velocity can, shape (nv,), bool. Where neither can, the joint is blind.
+        tau_ext: Measured torque of the environment, shape (nv,), or None where it cannot be used.
         reference: Desired motion, likewise.
         fault: The first thing that is wrong, or None.
     """
 
-    q: Array | None
-    v: Array | None
+    q: Array
+    v: Array
+    sees_q: BoolArray
+    sees_v: BoolArray
     tau_ext: Array | None
     reference: Reference | None
     fault: Fault | None
@@ -61,23 +70,26 @@ class Reading(NamedTuple):
 class Monitor:
     """Judges the inputs of every tick.
 
-    - Each input is a finite vector of the right size (any byte order and real kind that NumPy knows).
-    - A joint moves from one sound measurement to the next by no more than twice what the range of its speed allows,
-      and its velocity changes by no more than the range of its acceleration: what breaks this is a "jump" (a spike, a
-      lost encoder count, bytes in the wrong order), and what was measured is not used.
-    - Positions, velocities and tau_ext are in their ranges.
-    - A joint whose position is the same to the bit for at least `frozen_ticks` ticks is "frozen" if its velocity adds
-      up to more than `frozen_travel` meanwhile, or, where the velocity is the same as well, the reference's. At rest
-      under a resting reference the same bits are no fault: nothing can tell, and nothing depends on it. So a frozen
-      sensor is found when the arm should have moved by `frozen_travel`.
+    What two sensors agree on is the truth, however large. Only what is lost, frozen or contradicted is a sensor fault.
 
-    A measurement is not used where it jumps, is frozen, or says a speed of more than twice the range.
+    - Each input is a finite vector of the right size (any byte order and real kind that NumPy knows).
+    - From one sound measurement to the next, a joint moves as its measured velocity says, give or take twice what the
+      range of its speed allows. What breaks this is a "jump" of q (a spike, a lost encoder count, bytes in the wrong
+      order). Where the range of the acceleration is stated, the velocity changes by no more than twice that.
+    - A speed of more than twice the range is "inconsistent" unless the positions move like that, give or take the
+      range.
+    - A joint whose position is the same to the bit is "frozen" once it should have moved by more than `frozen_travel`
+      for `frozen_ticks` ticks: by its velocity, or, where the velocity is the same as well, by the reference's. At rest
+      under a resting reference the same bits are no fault: nothing can tell, and nothing depends on it.
+    - Positions, velocities and tau_ext are in their ranges. What is "out of range" and agrees is measured well.
+
+    Where q of a joint cannot be used its velocity can, and the other way round, unless both are lost or frozen.
 
     Attributes:
         arm: The arm.
         range: The stated range.
-        frozen_ticks: Fewest ticks without a new bit.
-        frozen_travel: Motion that has to show meanwhile [rad or m].
+        frozen_ticks: Ticks after which a motion that does not show is a fault.
+        frozen_travel: Motion that has to show [rad or m].
     """
 
     arm: ArmModel
@@ -101,7 +113,7 @@ class Monitor:
     def init(self) -> MonitorState:
         """Return the state before the first tick."""
         zero = np.zeros(self.arm.nv)
-        return MonitorState(0, np.array(self.arm.neutral), zero, 0.0, zero, zero, zero)
+        return MonitorState(0, np.array(self.arm.neutral), *[zero] * 7)
 
     def read(
         self,
@@ -129,72 +141,116 @@ class Monitor:
         measured_v = self._checked(faults, "v", v)
         external = self._checked(faults, "tau_ext", tau_ext)
         desired = self._checked_reference(faults, reference)
-        is_usable = measured_q is not None and measured_v is not None
-        following = state._replace(ticks=state.ticks + 1, since=state.since + period)
-        if measured_q is not None and measured_v is not None:
-            found, following = self._judge(state, following, measured_q, measured_v, period)
-            faults += found
-            is_slow = bool((np.abs(measured_v) <= 2.0 * self.range.velocity).all())
-            is_usable = is_slow and not any(fault.kind in ("jump", "frozen") for fault in found)
-            if is_usable:
-                following = following._replace(q=measured_q, v=measured_v, since=0.0)
+        state = state._replace(since_q=state.since_q + period, since_v=state.since_v + period)
+        moved, state, sees_q = self._judge_q(faults, state, measured_q, measured_v, period)
+        pace = np.where(sees_q & (state.ticks > 0), moved / state.since_q, state.v)
+        sees_v = self._judge_v(faults, state, measured_v, pace, sees_q)
+        seen_v = pace if measured_v is None else np.where(sees_v, measured_v, pace)
+        if measured_q is None or not sees_q.all():
+            measured_q = self.arm.raw_dynamics.integrate(state.q, np.where(sees_q, moved, 0.0))
+        self._judge_range(faults, measured_q, seen_v, sees_q)
         rate = v_e if desired is None else desired.v + v_e
-        following = following._replace(expected=following.expected + rate * period)
-        reading = Reading(
-            measured_q if is_usable else None,
-            measured_v if is_usable else None,
-            external,
-            desired,
-            faults[0] if faults else None,
+        following = MonitorState(
+            ticks=state.ticks + 1,
+            q=measured_q,
+            v=np.where(sees_v, seen_v, state.v),
+            since_q=np.where(sees_q, 0.0, state.since_q),
+            since_v=np.where(sees_v, 0.0, state.since_v),
+            explained=np.where(sees_q, 0.0, state.explained),
+            still=state.still,
+            travel=state.travel,
+            expected=state.expected + rate * period,
         )
-        return reading, following
+        fault = faults[0] if faults else None
+        return Reading(measured_q, seen_v, sees_q, sees_v, external, desired, fault), following
 
-    def _judge(
-        self, state: MonitorState, following: MonitorState, q: Array, v: Array, period: float
-    ) -> tuple[list[Fault], MonitorState]:
-        """Faults of a finite measurement, and the state with its motion counted."""
-        found = []
-        if state.ticks > 0:
-            moved = self.arm.raw_dynamics.difference(state.q, q)
-            is_still = moved == 0.0
-            following = following._replace(
-                still=np.where(is_still, state.still + 1.0, 0.0),
-                travel=np.where(is_still, state.travel + period * v, 0.0),
-                expected=np.where(is_still & (v == state.v), state.expected, 0.0),
-            )
-            found += self._jumps(moved, v - state.v, following.since)
-            found += self._frozen(following)
-        found += self._outside("v", v, -self.range.velocity, self.range.velocity)
-        position = self.arm.raw_dynamics.difference(self.arm.neutral, q) + self._neutral
-        found += self._outside("q", position, self.range.lower, self.range.upper)
-        return found, following
+    def _judge_q(
+        self,
+        faults: list[Fault],
+        state: MonitorState,
+        q: Array | None,
+        v: Array | None,
+        period: float,
+    ) -> tuple[Array, MonitorState, BoolArray]:
+        """Motion since the last sound positions, the state with it counted, and where q can be used."""
+        zero, speed = np.zeros(self.arm.nv), self.range.velocity
+        if q is None or state.ticks == 0:
+            moved = zero if q is None else self.arm.raw_dynamics.difference(state.q, q)
+            return moved, state, np.full(self.arm.nv, q is not None)
+        moved = self.arm.raw_dynamics.difference(state.q, q)
+        pace = zero
+        if v is not None:
+            pace = np.clip((state.v + v) / 2.0, state.v - 2.0 * speed, state.v + 2.0 * speed)
+        is_still, is_same = moved == 0.0, (True if v is None else v == state.v)
+        travel = np.where(is_still, state.travel + period * pace, 0.0)
+        expected = np.where(is_still & is_same, state.expected, 0.0)
+        should_show = np.maximum(np.abs(travel), np.abs(expected)) > self.frozen_travel
+        state = state._replace(
+            explained=state.explained + period * pace,
+            still=np.where(should_show, state.still + 1.0, 0.0),
+            travel=travel,
+            expected=expected,
+        )
+        is_far = np.abs(moved - state.explained) > 2.0 * speed * state.since_q
+        self._add(faults, "jump", "q", is_far, moved, "q jumps by {:.3g}")
+        is_frozen = state.still >= self.frozen_ticks
+        words = "q is the same to the bit, for {:.0f} ticks after it should have moved"
+        self._add(faults, "frozen", "q", is_frozen, state.still, words)
+        return moved, state, ~(is_far | is_frozen)
 
-    def _jumps(self, moved: Array, change: Array, since: float) -> list[Fault]:
+    def _judge_v(
+        self,
+        faults: list[Fault],
+        state: MonitorState,
+        v: Array | None,
+        pace: Array,
+        sees_q: BoolArray,
+    ) -> BoolArray:
+        """Where v can be used; pace is the velocity of the positions, or the last one where they cannot be used."""
         bounds = self.range
-        far = np.abs(moved) > 2.0 * bounds.velocity * since
-        fast = np.abs(change) > 2.0 * bounds.acceleration * since
-        found = []
-        for name, beyond, by in (("q", far, moved), ("v", fast, change)):
-            if beyond.any():
-                words = f"{name} jumps by {_largest(by, beyond):.3g} in {since:.3g} s"
-                found.append(self._fault("jump", name, beyond, words))
-        return found
+        if v is None:
+            return np.zeros(self.arm.nv, dtype=np.bool_)
+        is_fast = np.abs(v) > 2.0 * bounds.velocity
+        is_alone = is_fast & ((np.abs(v - pace) > bounds.velocity) | (state.ticks == 0))
+        words = "v = {:.4g} is not how q moves"
+        self._add(faults, "inconsistent", "v", is_alone, v, words)
+        change = v - state.v
+        has_jumped = np.abs(change) > 2.0 * bounds.acceleration * state.since_v
+        has_jumped &= state.ticks > 0
+        self._add(faults, "jump", "v", has_jumped, change, "v jumps by {:.3g}")
+        is_frozen = ~sees_q & (change == 0.0)
+        sees_v: BoolArray = ~(is_alone | has_jumped | is_frozen)
+        return sees_v
 
-    def _frozen(self, state: MonitorState) -> list[Fault]:
-        travel = np.maximum(np.abs(state.expected), np.abs(state.travel))
-        is_frozen = (state.still >= self.frozen_ticks) & (travel > self.frozen_travel)
-        if not is_frozen.any():
-            return []
-        ticks = int(state.still[is_frozen].max())
-        words = f"q is the same to the bit for {ticks} ticks, in which it should have moved"
-        return [self._fault("frozen", "q", is_frozen, words)]
+    def _judge_range(self, faults: list[Fault], q: Array, v: Array, sees_q: BoolArray) -> None:
+        bounds = self.range
+        self._outside(faults, "v", v, -bounds.velocity, bounds.velocity)
+        position = self.arm.raw_dynamics.difference(self.arm.neutral, q) + self._neutral
+        lower, upper = np.where(sees_q, (bounds.lower, bounds.upper), [[-np.inf], [np.inf]])
+        self._outside(faults, "q", position, lower, upper)
 
-    def _outside(self, name: str, value: Array, lower: Array, upper: Array) -> list[Fault]:
+    def _outside(
+        self, faults: list[Fault], name: str, value: Array, lower: Array, upper: Array
+    ) -> bool:
         beyond = (value < lower) | (value > upper)
-        if not beyond.any():
-            return []
-        words = f"{name} = {_largest(value, beyond):.4g} is outside the stated range"
-        return [self._fault("out of range", name, beyond, words)]
+        words = f"{name} = {{:.4g}} is outside the stated range"
+        self._add(faults, "out of range", name, beyond, value, words)
+        return bool(beyond.any())
+
+    def _add(
+        self,
+        faults: list[Fault],
+        kind: FaultKind,
+        name: str,
+        where: BoolArray,
+        value: Array,
+        words: str,
+    ) -> None:
+        """Add a fault where there is one; its words name the largest value."""
+        if where.any():
+            joints = tuple(self.arm.joint_names[i] for i in np.flatnonzero(where))
+            said = words.format(_largest(value, where))
+            faults.append(Fault(kind, name, joints, f"{said}: {', '.join(joints)}"))
 
     def _checked(self, faults: list[Fault], name: str, value: ArrayLike) -> Array | None:
         """The input as a sound vector; None, and a fault, where it is none."""
@@ -206,9 +262,8 @@ class Monitor:
             faults.append(_input_fault(error, name))
             return None
         if name == "tau_ext":
-            outside = self._outside(name, array, -self.range.external, self.range.external)
-            faults += outside
-            return None if outside else array
+            bound = self.range.external
+            return None if self._outside(faults, name, array, -bound, bound) else array
         return array
 
     def _checked_reference(self, faults: list[Fault], reference: Reference) -> Reference | None:
@@ -217,10 +272,6 @@ class Monitor:
         except InputError as error:
             faults.append(_input_fault(error, "reference"))
             return None
-
-    def _fault(self, kind: FaultKind, name: str, where: BoolArray, words: str) -> Fault:
-        joints = tuple(self.arm.joint_names[i] for i in np.flatnonzero(where))
-        return Fault(kind, name, joints, f"{words}: {', '.join(joints)}")
 
 
 def _neutral_positions(arm: ArmModel) -> Array:

@@ -10,13 +10,14 @@ from numpy.typing import ArrayLike
 
 from ..._common.arrays import Array, BoolArray, gain, per_joint, positive_number
 from ..._common.frozen import set_fields
-from ...exceptions import InputError, ParameterError
+from ...exceptions import ParameterError
 from ...law.impedance import TargetFilter
 from ...robot.arm_model import ArmModel
 from ...trajectories import Reference
-from ..controller import ControllerOutput, ImpedanceController
 from ..errors import check_reference, track
 from ..protocol import Controller
+from ..telemetry import ControllerOutput, Situation
+from ..wrapper import ControllerWrapper
 
 _FEWEST_PERIODS = 5.0
 
@@ -40,7 +41,7 @@ class GuardState(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class ReferenceGuard:
+class ReferenceGuard(ControllerWrapper[GuardState]):
     """A controller whose impedance reference stays within position and velocity limits.
 
     Near an end u of a joint the reference may accelerate towards it by at most
@@ -72,7 +73,6 @@ class ReferenceGuard:
         DimensionError: A margin or a speed for another number of joints.
     """
 
-    controller: Controller[Any]
     lower: Array
     upper: Array
     velocity: Array
@@ -82,7 +82,7 @@ class ReferenceGuard:
 
     def __init__(
         self,
-        controller: Any,
+        controller: Controller[Any],
         *,
         margin: ArrayLike = 0.0,
         velocity: ArrayLike | None = None,
@@ -96,7 +96,7 @@ class ReferenceGuard:
             velocity: v_max, scalar or (nv,); the arm's `velocity_limit` by default [rad/s or m/s].
             horizon: T, how soon a reference at full speed comes to rest [s].
         """
-        arm: ArmModel = controller.arm
+        arm = controller.arm
         horizon = positive_number("horizon", horizon, "time in seconds")
         if horizon < _FEWEST_PERIODS * controller.dt:
             words = f"at least {_FEWEST_PERIODS:g} control periods of {controller.dt:g} s"
@@ -119,47 +119,19 @@ class ReferenceGuard:
             _ends=(_end(arm, arm.lower, lower) + room, _end(arm, arm.upper, upper) - room),
         )
 
-    @property
-    def arm(self) -> ArmModel:
-        """The controller's own model of the arm."""
-        return self.controller.arm
-
-    @property
-    def dt(self) -> float:
-        """Control period [s]."""
-        return self.controller.dt
-
     def init(self) -> GuardState:
         """Return the state before the first tick: reference not moved."""
         zero, none = np.zeros(self.arm.nv), np.zeros(self.arm.nv, dtype=np.bool_)
         return GuardState(self.controller.init(), zero, zero, zero, none)
 
-    def step(
+    def _step(
         self,
         state: GuardState,
         q: ArrayLike,
         v: ArrayLike,
         reference: Reference,
         tau_ext: ArrayLike,
-        period: float | None = None,
     ) -> tuple[ControllerOutput, GuardState]:
-        """Compute the torque of one tick; see `ImpedanceController.step`.
-
-        Args:
-            state: From `init` or from the tick before.
-            q: Measured configuration, shape (nq,).
-            v: Measured velocity, shape (nv,) [rad/s or m/s].
-            reference: Desired motion at this tick.
-            tau_ext: Measured torque of the environment on the robot, shape (nv,) [N·m or N].
-            period: Measured time since the tick before; dt if it is not given [s].
-
-        Raises:
-            DimensionError: Wrong shape or kind.
-            NonFiniteError: An input holds NaN or infinity.
-            InputError: A period that `ImpedanceController.elapsed` refuses, or one for a baseline.
-        """
-        if period is not None:
-            state = self.elapsed(state, period)
         h, (inner, q_g, v_g, _, _) = self.dt, state
         moved = self._moved(check_reference(self.arm, reference), q_g, v_g, np.zeros_like(q_g))
         tick = track(
@@ -191,23 +163,20 @@ class ReferenceGuard:
             period: Time since then [s]; see `ImpedanceController.elapsed`.
 
         Raises:
-            InputError: A period that is refused there, or the controller that is guarded takes none.
+            InputError: A period that is refused there.
         """
-        if not isinstance(self.controller, ImpedanceController):
-            name = type(self.controller).__name__
-            raise InputError(f"{name} takes no measured period; only ImpedanceController does")
         inner, late = self.controller.elapsed(state.inner, period), float(period) - self.dt
         q_g = state.q_g + late * state.v_g + late**2 / 2.0 * state.a_g
         return state._replace(inner=inner, q_g=q_g, v_g=state.v_g + late * state.a_g)
 
-    def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
-        """Return e_im towards the guarded reference; see `ImpedanceController.impedance_error`.
+    def handover(self, state: GuardState, now: Situation) -> GuardState:
+        """Return the state with which the arm is taken over as it is now: reference not moved.
 
         Args:
-            output: Of the tick.
-            a: Acceleration under the tick's torque, measured or simulated, shape (nv,).
+            state: The last state, or that of `init`.
+            now: The arm at the tick to come.
         """
-        return self.controller.impedance_error(output, a)
+        return self.init()._replace(inner=self.controller.handover(state.inner, now))
 
     def _moved(self, reference: Reference, q_g: Array, v_g: Array, a_g: Array) -> Reference:
         q, v, a = reference

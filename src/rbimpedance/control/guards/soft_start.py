@@ -1,0 +1,293 @@
+"""A start without a jump: the torque begins at what the arm needs now, the reference where the arm is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..._common.arrays import Array, gain, per_joint, positive_number, vector
+from ..._common.frozen import set_fields
+from ...law.limits import Limits
+from ...trajectories import Reference
+from ..errors import check_measurements
+from ..protocol import LONGEST_PERIOD, Controller
+from ..telemetry import ControllerOutput, Situation
+from ..wrapper import ControllerWrapper
+
+FASTEST = 100.0
+"""Speed limit of a joint whose description gives none [rad/s or m/s]."""
+
+_PEAK_SPEED, _PEAK_ACCELERATION = 1.875, 10.0 / np.sqrt(3.0)
+"""Of the way from 0 to 1 in a time of 1 that begins and ends at rest, 10x³ - 15x⁴ + 6x⁵."""
+
+
+class SoftStartState(NamedTuple):
+    """What a `SoftStart` remembers.
+
+    Attributes:
+        inner: State of the controller inside.
+        ticks: Number of ticks so far.
+        q: Configuration at the tick before, shape (nq,).
+        tau: Torque that left then, shape (nv,) [N·m or N]; before the first tick the torque to begin with, None for the
+            one that holds the arm against gravity.
+        reference: Desired motion at the tick before, as it was given.
+        late: Time of the coming tick after the one before, less dt [s].
+        clock: Time since the start [s].
+        length: How long this start takes [s].
+        gap: Blended reference (-) given reference at the start, its rate and its acceleration, shape (3, nv).
+        offset: Torque to begin with less that of the controller inside, shape (nv,) [N·m or N].
+    """
+
+    inner: Any
+    ticks: int
+    q: Array
+    tau: Array | None
+    reference: Reference
+    late: float
+    clock: float
+    length: float
+    gap: Array
+    offset: Array
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class SoftStart(ControllerWrapper[SoftStartState]):
+    """A controller that takes an arm over without a jump, at its first tick and after every pause.
+
+    Where it starts,
+
+    - the torque of the tick is the one that holds the arm against gravity, or the one given to `init`, exactly. Its
+      difference to the controller's own torque fades away over the start, twice continuously differentiable;
+    - the reference is the arm's own motion: q_d and v_d are the measured ones, a_d is zero at a first start. From there
+      it goes over into the given reference by a polynomial of degree 5, with velocity and acceleration continuous.
+      Accelerations that differ by more than `velocity` in the time of the start are left to the torque.
+
+    A start takes `duration`, or longer where the arm is so far away that the way back would be faster than `velocity`
+    or need more than `acceleration` on a joint. Speed and acceleration of the given reference come on top.
+
+    A start is due at the first tick, and where the state is stale: the measured period is longer than the controller
+    accepts, or q or the reference has moved since the tick before by more than twice the joints' speed limits allow. So
+    a loop that was paused goes on with the state that it has, with or without a measured period. Where only the
+    reference jumps the torque begins at that of the tick before.
+
+    The torque heeds the limits of the controller inside, its rate included. Elsewhere the controller's torque leaves to
+    the bit. Put a `FaultGuard` around it, not inside: a guard has to know the torque that leaves.
+
+    Attributes:
+        controller: The controller inside.
+        duration: Shortest time of a start [s].
+        velocity: Largest speed of the way to the given reference, shape (nv,) [rad/s or m/s].
+        acceleration: Largest acceleration of that way, shape (nv,) [rad/s² or m/s²]; +inf where there is none.
+
+    Raises:
+        ParameterError: A number that is not positive.
+        DimensionError: A speed or an acceleration for another number of joints.
+    """
+
+    duration: float
+    velocity: Array
+    acceleration: Array
+    _reach: Array
+
+    def __init__(
+        self,
+        controller: Controller[Any],
+        duration: float = 1.0,
+        *,
+        velocity: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+    ) -> None:
+        """Wrap a controller.
+
+        Args:
+            controller: The controller; other wrappers may be inside.
+            duration: Shortest time of a start [s].
+            velocity: Largest speed of the way, scalar or (nv,); half of the arm's limit by default.
+            acceleration: Largest acceleration of the way, scalar or (nv,); not bounded by default.
+        """
+        arm = controller.arm
+        limit = np.where(np.isfinite(arm.velocity_limit), arm.velocity_limit, FASTEST)
+        set_fields(
+            self,
+            controller=controller,
+            duration=positive_number("duration", duration, "time in seconds"),
+            velocity=_bound("velocity", velocity, limit / 2.0),
+            acceleration=_bound("acceleration", acceleration, np.full(arm.nv, np.inf)),
+            _reach=2.0 * limit,
+        )
+
+    def init(self, tau: ArrayLike | None = None) -> SoftStartState:
+        """Return the state before the first tick.
+
+        Args:
+            tau: Torque that the motors give now, as measured, shape (nv,) [N·m or N]; by default the one that holds the
+                arm against gravity.
+
+        Raises:
+            DimensionError: Wrong shape or kind.
+            NonFiniteError: tau holds NaN or infinity.
+        """
+        q, zero = np.array(self.arm.neutral), np.zeros(self.arm.nv)
+        return SoftStartState(
+            inner=self.controller.init(),
+            ticks=0,
+            q=q,
+            tau=None if tau is None else vector("tau", tau, self.arm.nv).copy(),
+            reference=Reference(q, zero, zero),
+            late=0.0,
+            clock=0.0,
+            length=0.0,
+            gap=np.zeros((3, self.arm.nv)),
+            offset=zero,
+        )
+
+    def elapsed(self, state: SoftStartState, period: float) -> SoftStartState:
+        """Return the state at a tick that comes a measured time after the one before; after a long pause, a new start.
+
+        Args:
+            state: From the tick before.
+            period: Time since then, positive [s].
+
+        Raises:
+            InputError: Not such a number.
+        """
+        if state.ticks == 0:
+            return state
+        is_pause = isinstance(period, int | float) and LONGEST_PERIOD * self.dt < period < np.inf
+        if is_pause:
+            return self.init()
+        inner = self.controller.elapsed(state.inner, period)
+        late = float(period) - self.dt
+        return state._replace(inner=inner, late=late, clock=state.clock + late)
+
+    def handover(self, state: SoftStartState, now: Situation) -> SoftStartState:
+        """Return the state with which the arm is taken over as it is now, beginning with the torque that acts.
+
+        Args:
+            state: The last state, or that of `init`.
+            now: The arm at the tick to come.
+        """
+        q_d, v_d, a_d = now.reference
+        way = self.arm.raw_dynamics.difference(q_d, now.q)
+        length = self._length(way)
+        most = self.velocity / length  # more would take the reference far away first
+        gap = np.stack([way, now.v - v_d, np.clip(now.a - a_d, -most, most)])
+        started = state._replace(
+            ticks=max(state.ticks, 1), late=0.0, clock=0.0, length=length, gap=gap
+        )
+        blended = self._blended(started, now.reference)
+        inner = self.controller.handover(state.inner, now._replace(reference=blended))
+        return started._replace(inner=inner, tau=np.array(now.tau))
+
+    def _step(
+        self,
+        state: SoftStartState,
+        q: ArrayLike,
+        v: ArrayLike,
+        reference: Reference,
+        tau_ext: ArrayLike,
+    ) -> tuple[ControllerOutput, SoftStartState]:
+        q, v, reference, tau_ext = check_measurements(self.arm, q, v, reference, tau_ext)
+        state = self._fresh(state, q)
+        if state.tau is None or state.ticks == 0 or self.has_jumped(state, reference):
+            rest = np.zeros(self.arm.nv)
+            tau = self.arm.raw_dynamics.bias(q, rest) if state.tau is None else state.tau
+            a = state.reference.a if state.ticks > 0 else rest
+            state = self.handover(state, Situation(q, v, a, reference, tau, tau_ext))
+        return self.follow(state, q, v, reference, tau_ext)
+
+    def follow(
+        self, state: SoftStartState, q: Array, v: Array, reference: Reference, tau_ext: Array
+    ) -> tuple[ControllerOutput, SoftStartState]:
+        """Compute the torque of one tick without looking whether a start is due; inputs are sound.
+
+        Args:
+            state: From the tick before, or from `handover`.
+            q: Measured configuration, shape (nq,).
+            v: Measured velocity, shape (nv,) [rad/s or m/s].
+            reference: Desired motion at this tick, as given.
+            tau_ext: Measured torque of the environment, shape (nv,) [N·m or N].
+        """
+        is_over = state.clock >= state.length
+        desired = reference if is_over else self._blended(state, reference)
+        output, inner = self.controller.step(state.inner, q, v, desired, tau_ext)
+        offset, before = state.offset, state.tau
+        if not is_over and before is not None:
+            if state.clock == 0.0:
+                offset = before - output.tau
+            tau = output.tau + (1.0 - _way(state.clock / state.length)) * offset
+            output = output._replace(tau=_within(self.limits, tau, before, self.dt))
+        return output, state._replace(
+            inner=inner,
+            ticks=state.ticks + 1,
+            q=np.array(q),
+            tau=output.tau,
+            reference=Reference(*map(np.array, reference)),
+            late=0.0,
+            clock=state.clock if is_over else state.clock + self.dt,
+            offset=offset,
+        )
+
+    def _fresh(self, state: SoftStartState, q: Array) -> SoftStartState:
+        """The state, or a new one where the arm is elsewhere than it can have moved to since the tick before."""
+        way = self.arm.raw_dynamics.difference(state.q, q)
+        is_elsewhere = (np.abs(way) > self._reach * (self.dt + state.late)).any()
+        return self.init() if state.ticks > 0 and is_elsewhere else state
+
+    def has_jumped(self, state: SoftStartState, reference: Reference) -> bool:
+        """Tell whether the reference has moved since the tick before by more than it can have.
+
+        Args:
+            state: From the tick before.
+            reference: Desired motion at this tick.
+        """
+        way = self.arm.raw_dynamics.difference(state.reference.q, reference.q)
+        return bool((np.abs(way) > self._reach * (self.dt + state.late)).any())
+
+    def _blended(self, state: SoftStartState, reference: Reference) -> Reference:
+        """The given reference with what is left of the gap to it."""
+        q_d, v_d, a_d = reference
+        gap, rate, acceleration = _closing(state.gap, state.length, state.clock)
+        return Reference(self.arm.raw_dynamics.integrate(q_d, gap), v_d + rate, a_d + acceleration)
+
+    def _length(self, gap: Array) -> float:
+        """Time in which the gap is closed within the bounds."""
+        way = np.abs(gap)
+        by_speed = _PEAK_SPEED * way / self.velocity
+        by_acceleration = np.sqrt(_PEAK_ACCELERATION * way / self.acceleration)
+        return float(max(self.duration, by_speed.max(), by_acceleration.max()))
+
+
+def _closing(gap: Array, length: float, clock: float) -> tuple[Array, Array, Array]:
+    """The polynomial of degree 5 from `gap` = (g, ġ, g̈) to zero in a time `length`, and its two derivatives.
+
+    With y = 1 - t/T it is y³·(c0 + c1·(1-y) + c2·(1-y)²): zero with two derivatives at y = 0.
+    """
+    x, y, T = clock / length, 1.0 - clock / length, length
+    g, rate, acceleration = gap[0], T * gap[1], T**2 * gap[2]
+    c0, c1 = g, rate + 3.0 * g
+    c2 = acceleration / 2.0 + 3.0 * c1 - 3.0 * g
+    p, dp, ddp = c0 + c1 * x + c2 * x**2, c1 + 2.0 * c2 * x, 2.0 * c2
+    return (
+        y**3 * p,
+        (y**3 * dp - 3.0 * y**2 * p) / T,
+        (y**3 * ddp - 6.0 * y**2 * dp + 6.0 * y * p) / T**2,
+    )
+
+
+def _way(x: float) -> float:
+    """From 0 to 1, with velocity and acceleration zero at both ends."""
+    return x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+
+
+def _within(limits: Limits | None, tau: Array, before: Array, dt: float) -> Array:
+    return tau if limits is None else limits.nearest(tau, before, dt)
+
+
+def _bound(name: str, value: ArrayLike | None, default: Array) -> Array:
+    if value is None:
+        return default
+    return np.array(per_joint(name, gain(name, value, "positive", lambda x: x > 0.0), len(default)))
