@@ -41,7 +41,9 @@ class FaultGuard(ControllerWrapper[FaultGuardState]):
       T = `longest_hold`, and then does as "stop"; so it does at once where a measurement is out of range but right, or
       the torque has no effect;
     - "stop" brings the arm to rest: tau = M(q)(-λ v) + bias(q, v) - r, with r what a momentum observer of bandwidth λ
-      finds to act beside the motors: an unknown payload, and the environment, whatever is said of it.
+      finds to act beside the motors: an unknown payload, and the environment, whatever is said of it. Where the limits
+      do not admit that, tau = bias(q, 0) - λ·diag(M) v - r: damping on every joint by itself takes energy from the arm
+      also where it is cut off.
 
     Positions and velocities that agree are believed, however large. Where one of the two is lost on a joint, the other
     one gives it. Where both are lost on a joint the guard is blind: for `longest_blind` the model predicts q and v,
@@ -53,7 +55,8 @@ class FaultGuard(ControllerWrapper[FaultGuardState]):
     or not, its torque never stays the same, and goes to zero.
 
     The controller is back after `patience` ticks without a fault, by a `SoftStart` from where the arm is and the torque
-    that acts. What its integrator knows of the load stays, unless the torque had no effect.
+    that acts; an arm that was out of range first slows down to half of its range of speed. What the controller's
+    integral knows of the load stays, unless the torque had no effect.
 
     `step` is pure, as of any controller. The first tick has nothing to fall back on: there every policy raises, unless
     the measurement is right and only out of range.
@@ -252,7 +255,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState]):
             tau_ext=told,
             reference=desired,
             fault=fault or state.fault,
-            sound=0 if fault else state.sound + 1,
+            sound=0 if fault or self._is_fast(state, known) else state.sound + 1,
             since=state.since + period,
             period=None if state.period is None else period,
         )
@@ -277,6 +280,12 @@ class FaultGuard(ControllerWrapper[FaultGuardState]):
         joints = tuple(self.arm.joint_names[i] for i in np.flatnonzero(stuck))
         words = "the torque moves nothing (brakes, a drive that is off, something in the way)"
         return Fault("no effect", "tau", joints, f"{words}: {', '.join(joints)}"), effect
+
+    def _is_fast(self, state: FaultGuardState, known: Belief) -> bool:
+        """Whether the arm was beyond its range of speed, and is not yet at half of it."""
+        was_outside = state.fault is not None and state.fault.kind == "out of range"
+        is_fast = (np.abs(known.v) > 0.5 * self.range.velocity).any()
+        return state.response != "run" and was_outside and bool(is_fast)
 
     def _meets(self, fault: Fault, state: FaultGuardState) -> bool:
         """Whether there is a torque to meet a fault with."""
@@ -342,17 +351,26 @@ class FaultGuard(ControllerWrapper[FaultGuardState]):
         since = 0.0 if state.response == "run" else now.since
         is_lost = now.known.blind > self.longest_blind
         response = self._response(state, now, since)
-        dynamics, (q, v, *_), r = self.arm.raw_dynamics, now.known, now.known.r
+        dynamics, (q, v, *_) = self.arm.raw_dynamics, now.known
         if is_lost:
             tau = state.tau * np.exp(-(now.period or self.dt) / self.longest_blind)
         elif response == "hold":
             rate = self.rate * since / self.longest_hold
             tau = now.safe - rate * dynamics.mass_matrix(q) @ v
         else:
-            tau = dynamics.inverse_dynamics(q, v, -self.rate * v) - r
+            tau = self._stopping(state, now)
         tau = self._within(state, now, tau)
         output = GuardedOutput.of(self._output(now, tau), response, now.fault, is_lost)
         return output, now._replace(tau=tau, response=response, since=since, period=None)
+
+    def _stopping(self, state: FaultGuardState, now: FaultGuardState) -> Array:
+        """The torque that brings the arm to rest, at the wanted rate or as fast as the limits admit."""
+        dynamics, (q, v, *_), r = self.arm.raw_dynamics, now.known, now.known.r
+        wanted = dynamics.inverse_dynamics(q, v, -self.rate * v) - r
+        if np.array_equal(self._within(state, now, wanted), wanted):
+            return wanted
+        inertia = np.diag(dynamics.mass_matrix(q))
+        return dynamics.bias(q, np.zeros_like(v)) - self.rate * inertia * v - r
 
     def _response(self, state: FaultGuardState, now: FaultGuardState, since: float) -> Response:
         is_seen = now.fault is not None and _is_seen(now.fault)
