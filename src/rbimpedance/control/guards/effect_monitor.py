@@ -25,15 +25,17 @@ class EffectState(NamedTuple):
 
     Attributes:
         strayed: How far it is from where it came to rest, shape (nv,) [rad or m].
-        carried: Net torque when it came to rest, shape (nv,) [N·m or N].
-        speed: Speed that it should have by the torque since then, shape (nv,) [rad/s or m/s].
+        carried: The least net torque that it has had there, shape (nv,) [N·m or N].
+        speed: Speed that it should have by the torque beyond that, shape (nv,) [rad/s or m/s].
         way: How far it should have gone, shape (nv,) [rad or m].
+        stuck: Whether the torque had no effect there, shape (nv,), bool.
     """
 
     strayed: Array
     carried: Array
     speed: Array
     way: Array
+    stuck: BoolArray
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -41,13 +43,14 @@ class EffectMonitor:
     """Compares the motion that the torque should give with the motion that is measured.
 
     The net torque of a joint is tau + tau_ext - bias. A joint is at rest as long as it stays within `travel` of a
-    point: half a count of flicker and noise do not end that. While it rests, the net torque towards the reference may
-    grow by what dry friction holds (`STICTION` effort limits, and at least what gives `SLOWEST`). What is beyond should
-    accelerate the joint by excess/M_jj. The torque has no effect once that adds up to `MISSED` times `travel`.
+    point: flicker of the encoder and noise do not end that. While it rests, the net torque may grow by what dry
+    friction holds (`STICTION` effort limits, and at least what gives `SLOWEST`). What is beyond should accelerate the
+    joint by excess/M_jj. The torque has no effect once that adds up to `MISSED` times `travel`.
 
-    What a joint carries when it comes to rest, a payload or a person, is no excess. A torque of the environment that is
-    measured neither; one that is not measured, as of a wall that the arm presses against with tau_ext = 0, is: the arm
-    then does not press more and more. A joint that is held at its reference by a torque that grows is not meant.
+    What a joint carries when it comes to rest, a payload or a person, is no excess, nor is a torque of the environment
+    that is measured. Where one grows that is not measured, and the controller holds the joint within `travel` against
+    it, q and v cannot tell it from a brake. A guard therefore lets the torque of the stuck joint go back to what it
+    carried: if a brake holds it nothing moves, and a load moves it, which ends the rest.
 
     Attributes:
         travel: Within which a joint is at rest [rad or m].
@@ -63,35 +66,35 @@ class EffectMonitor:
     def init(self) -> EffectState:
         """Return the state before the first tick."""
         zero = np.zeros_like(self.effort)
-        return EffectState(zero, zero, zero, zero)
+        return EffectState(zero, zero, zero, zero, zero != 0.0)
 
     def look(
-        self,
-        state: EffectState,
-        moved: Array,
-        net: Array,
-        e1: Array,
-        inertia: Array,
-        period: float,
+        self, state: EffectState, moved: Array, net: Array, inertia: Array, period: float
     ) -> tuple[BoolArray, EffectState]:
-        """Tell on which joints torque has no effect, shape (nv,), bool.
+        """Tell on which joints torque is found to have no effect at this tick, shape (nv,), bool.
 
         Args:
             state: From `init` or from the tick before.
             moved: Motion since the tick before, shape (nv,) [rad or m].
             net: tau + tau_ext - bias over that time, shape (nv,) [N·m or N].
-            e1: Position error of the controller, shape (nv,) [rad or m].
             inertia: Diagonal of M, shape (nv,).
             period: The time [s].
         """
         strayed = state.strayed + moved
         has_moved = np.abs(strayed) > self.travel
-        carried = np.where(has_moved, net, state.carried)
-        held = np.where(np.isfinite(self.effort), STICTION * self.effort, 0.0)
-        towards = np.where(np.abs(e1) > self.travel / 4.0, np.sign(e1), 0.0)
-        excess = towards * (net - carried) - np.maximum(held, SLOWEST * inertia)
-        is_pushed = (excess > 0.0) & ~has_moved
+        is_less = has_moved | (np.abs(net) < np.abs(state.carried))
+        carried = np.where(is_less, net, state.carried)
+        friction = np.where(np.isfinite(self.effort), STICTION * self.effort, 0.0)
+        excess = np.abs(net - carried) - np.maximum(friction, SLOWEST * inertia)
+        is_pushed = excess > 0.0
         speed = np.where(is_pushed, state.speed + period * excess / inertia, 0.0)
         way = np.where(is_pushed, state.way + period * speed, 0.0)
-        following = EffectState(np.where(has_moved, 0.0, strayed), carried, speed, way)
-        return way > MISSED * self.travel, following
+        is_stuck = way > MISSED * self.travel
+        following = EffectState(
+            strayed=np.where(has_moved, 0.0, strayed),
+            carried=carried,
+            speed=np.where(is_stuck, 0.0, speed),
+            way=np.where(is_stuck, 0.0, way),
+            stuck=(state.stuck & ~has_moved) | is_stuck,
+        )
+        return is_stuck, following

@@ -43,7 +43,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState]):
     - "stop" brings the arm to rest: tau = M(q)(-λ v) + bias(q, v) - r, with r what a momentum observer of bandwidth λ
       finds to act beside the motors: an unknown payload, and the environment, whatever is said of it. Where the limits
       do not admit that, tau = bias(q, 0) - λ·diag(M) v - r: damping on every joint by itself takes energy from the arm
-      also where it is cut off.
+      also where it is cut off. A joint on which torque has no effect gets back to the torque that it carried before.
 
     Positions and velocities that agree are believed, however large. Where one of the two is lost on a joint, the other
     one gives it. Where both are lost on a joint the guard is blind: for `longest_blind` the model predicts q and v,
@@ -173,7 +173,6 @@ class FaultGuard(ControllerWrapper[FaultGuardState]):
             tau_ext=zero,
             q_e=zero,
             v_e=zero,
-            e1=zero,
             reference=Reference(q, zero, zero),
             response="run",
             fault=None,
@@ -255,7 +254,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState]):
             tau_ext=told,
             reference=desired,
             fault=fault or state.fault,
-            sound=0 if fault or self._is_fast(state, known) else state.sound + 1,
+            sound=0 if fault or self._is_settling(state, known) else state.sound + 1,
             since=state.since + period,
             period=None if state.period is None else period,
         )
@@ -266,26 +265,28 @@ class FaultGuard(ControllerWrapper[FaultGuardState]):
     ) -> tuple[Fault | None, EffectState]:
         """A fault where the torque that was sent moves nothing."""
         if state.monitor.ticks == 0 or known.blind > 0.0:
-            return None, state.effect
+            return None, self._effect.init()
         stuck, effect = self._effect.look(
             state.effect,
             moved=self.arm.raw_dynamics.difference(state.known.q, known.q),
             net=state.tau + tau_ext - known.observer.bias,
-            e1=state.e1 if state.response == "run" else np.zeros_like(tau_ext),
             inertia=np.diag(known.observer.M),
             period=period,
         )
-        if not stuck.any():
+        if state.response != "run" or not stuck.any():
             return None, effect
         joints = tuple(self.arm.joint_names[i] for i in np.flatnonzero(stuck))
         words = "the torque moves nothing (brakes, a drive that is off, something in the way)"
         return Fault("no effect", "tau", joints, f"{words}: {', '.join(joints)}"), effect
 
-    def _is_fast(self, state: FaultGuardState, known: Belief) -> bool:
-        """Whether the arm was beyond its range of speed, and is not yet at half of it."""
-        was_outside = state.fault is not None and state.fault.kind == "out of range"
+    def _is_settling(self, state: FaultGuardState, known: Belief) -> bool:
+        """Whether the arm was out of range and is not yet slow, or a torque without effect is not yet back."""
+        if state.response == "run" or state.fault is None:
+            return False
+        if state.fault.kind == "no effect":
+            return state.since < 3.0 * _RELAXATION
         is_fast = (np.abs(known.v) > 0.5 * self.range.velocity).any()
-        return state.response != "run" and was_outside and bool(is_fast)
+        return state.fault.kind == "out of range" and bool(is_fast)
 
     def _meets(self, fault: Fault, state: FaultGuardState) -> bool:
         """Whether there is a torque to meet a fault with."""
@@ -314,7 +315,6 @@ class FaultGuard(ControllerWrapper[FaultGuardState]):
             safe=tau,
             q_e=output.q_e,
             v_e=output.v_e,
-            e1=output.e1,
             response="run",
             fault=None,
             since=0.0,
@@ -358,7 +358,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState]):
             rate = self.rate * since / self.longest_hold
             tau = now.safe - rate * dynamics.mass_matrix(q) @ v
         else:
-            tau = self._stopping(state, now)
+            tau = np.where(now.effect.stuck, self._relaxing(state, now), self._stopping(state, now))
         tau = self._within(state, now, tau)
         output = GuardedOutput.of(self._output(now, tau), response, now.fault, is_lost)
         return output, now._replace(tau=tau, response=response, since=since, period=None)
@@ -371,6 +371,13 @@ class FaultGuard(ControllerWrapper[FaultGuardState]):
             return wanted
         inertia = np.diag(dynamics.mass_matrix(q))
         return dynamics.bias(q, np.zeros_like(v)) - self.rate * inertia * v - r
+
+    def _relaxing(self, state: FaultGuardState, now: FaultGuardState) -> Array:
+        """The torque that goes back to what a joint carried before its torque grew without effect."""
+        (q, v, *_), share = now.known, -np.expm1(-self.dt / _RELAXATION)
+        carried = self.arm.raw_dynamics.bias(q, v) - now.tau_ext + now.effect.carried
+        relaxing: Array = state.tau + share * (carried - state.tau)
+        return relaxing
 
     def _response(self, state: FaultGuardState, now: FaultGuardState, since: float) -> Response:
         is_seen = now.fault is not None and _is_seen(now.fault)
@@ -418,6 +425,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState]):
         return output, following
 
 
+_RELAXATION = 0.1  # s: time constant in which a torque without effect is taken back
 _NONE = Fault("malformed", "", (), "")
 _NO_PERIOD = Fault("malformed", "period", (), "period has to be a positive time in seconds")
 

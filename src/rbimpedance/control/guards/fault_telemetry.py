@@ -84,7 +84,6 @@ class FaultGuardState(NamedTuple):
         reference: The last sound desired motion, as (q, v, a).
         q_e: Position of the impedance filter at the last tick of the controller, shape (nv,) [rad or m].
         v_e: Its velocity, shape (nv,) [rad/s or m/s].
-        e1: Position error of the controller then, shape (nv,) [rad or m].
         response: What the tick before did.
         fault: Why.
         since: How long the response has been active [s].
@@ -103,7 +102,6 @@ class FaultGuardState(NamedTuple):
     reference: Reference
     q_e: Array
     v_e: Array
-    e1: Array
     response: Response
     fault: Fault | None
     since: float
