@@ -149,7 +149,15 @@ def test_guard_says_where_it_holds_the_reference() -> None:
     assert not free.reference_limited.any()
 
 
-def test_baseline_takes_no_measured_period() -> None:
-    guard = ReferenceGuard(ComputedTorqueImpedance(ARM, rbi.Impedance(M, D, K), DT))
-    with pytest.raises(rbi.InputError, match="ComputedTorqueImpedance takes no measured period"):
-        guard.step(guard.init(), ARM.neutral, STILL, REFERENCE, STILL, 2e-3)
+def test_baseline_takes_the_measured_period_as_the_law_does() -> None:
+    """Its filter after periods of 2 ms and half a ms is the filter's own over these times."""
+    controller = ComputedTorqueImpedance(ARM, rbi.Impedance(M, D, K), DT)
+    state, push = controller.init(), np.linspace(-3.0, 3.0, ARM.nv)
+    for period in (None, 2.0 * DT, 0.5 * DT):
+        _, state = controller.step(state, ARM.neutral, STILL, REFERENCE, push, period)
+    exact = rbi.Impedance(M, D, K).filter(ARM.nv, 3.5 * DT)
+    q_e, v_e = exact.advance(STILL, STILL, push)
+    assert_allclose(state.q_e, q_e, rtol=1e-10)
+    assert_allclose(state.v_e, v_e, rtol=1e-10)
+    with pytest.raises(rbi.InputError, match="period"):
+        controller.step(state, ARM.neutral, STILL, REFERENCE, push, -1.0)

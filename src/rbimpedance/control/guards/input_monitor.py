@@ -153,7 +153,7 @@ class Monitor:
         following = MonitorState(
             ticks=state.ticks + 1,
             q=measured_q,
-            v=np.where(sees_v, seen_v, state.v),
+            v=np.where(sees_v | sees_q, seen_v, state.v),
             since_q=np.where(sees_q, 0.0, state.since_q),
             since_v=np.where(sees_v, 0.0, state.since_v),
             explained=np.where(sees_q, 0.0, state.explained),
@@ -178,7 +178,7 @@ class Monitor:
             moved = zero if q is None else self.arm.raw_dynamics.difference(state.q, q)
             return moved, state, np.full(self.arm.nv, q is not None)
         moved = self.arm.raw_dynamics.difference(state.q, q)
-        pace = zero
+        pace = state.v
         if v is not None:
             pace = np.clip((state.v + v) / 2.0, state.v - 2.0 * speed, state.v + 2.0 * speed)
         is_still, is_same = moved == 0.0, (True if v is None else v == state.v)
