@@ -39,7 +39,7 @@ class EncoderState(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class QuantizedEncoders(ControllerWrapper[EncoderState]):
+class QuantizedEncoders(ControllerWrapper[EncoderState, ControllerOutput]):
     """A controller that sees positions in whole counts, and velocities as their differences.
 
     It is a controller itself: `simulate` takes it like any other, and `ImperfectController` puts noise and delay before

@@ -46,7 +46,7 @@ class ImperfectState(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class ImperfectController(ControllerWrapper[ImperfectState]):
+class ImperfectController(ControllerWrapper[ImperfectState, ControllerOutput]):
     """A controller that sees noisy, late measurements and whose torque arrives with a wrong gain.
 
     It is a controller itself: `simulate` takes it like any other. The noise is a function of the seed and the tick,

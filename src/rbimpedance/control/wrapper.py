@@ -19,9 +19,11 @@ from .telemetry import ControllerOutput, Situation
 WrapperStateT = TypeVar("WrapperStateT", bound=Any)
 """A named tuple with the state of the controller inside as `inner`."""
 
+OutputT = TypeVar("OutputT", bound=ControllerOutput)
+
 
 @dataclass(frozen=True, eq=False, init=False)
-class ControllerWrapper(ABC, Generic[WrapperStateT]):
+class ControllerWrapper(ABC, Generic[WrapperStateT, OutputT]):
     """A controller around a controller; children give `init` and `_step`, and change what else they need to.
 
     Attributes:
@@ -62,7 +64,7 @@ class ControllerWrapper(ABC, Generic[WrapperStateT]):
         v: ArrayLike,
         reference: Reference,
         tau_ext: ArrayLike,
-    ) -> tuple[ControllerOutput, WrapperStateT]:
+    ) -> tuple[OutputT, WrapperStateT]:
         """A tick whose measured period is in the state already."""
 
     def step(
@@ -73,7 +75,7 @@ class ControllerWrapper(ABC, Generic[WrapperStateT]):
         reference: Reference,
         tau_ext: ArrayLike,
         period: float | None = None,
-    ) -> tuple[ControllerOutput, WrapperStateT]:
+    ) -> tuple[OutputT, WrapperStateT]:
         """Compute the torque of one tick; see `ImpedanceController.step`.
 
         Args:

@@ -51,7 +51,7 @@ class TankState(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class EnergyTank(ControllerWrapper[TankState]):
+class EnergyTank(ControllerWrapper[TankState, ControllerOutput]):
     """A controller whose impedance gives out no more energy than it was given, plus what is in a tank.
 
     The tank T starts with `start` and never holds more than `capacity`. In every period

@@ -16,21 +16,22 @@ from ...law.limits import Limits, as_limits
 from ...robot.arm_model import ArmModel
 from ...trajectories import Reference
 from ..protocol import LONGEST_PERIOD, Controller
-from ..telemetry import ControllerOutput, Situation
+from ..telemetry import Situation
 from ..wrapper import ControllerWrapper
 from .belief import Belief, Believer
+from .braking import RELAXATION, Braking
 from .effect_monitor import EffectMonitor, EffectState
 from .fault_telemetry import FaultEvent as FaultEvent  # noqa: PLC0414 (part of this module's interface)
 from .fault_telemetry import FaultGuardState as FaultGuardState  # noqa: PLC0414 (likewise)
 from .fault_telemetry import GuardedOutput as GuardedOutput  # noqa: PLC0414 (likewise)
-from .fault_telemetry import Policy, Response
+from .fault_telemetry import Policy, Response, without_controller
 from .faults import Fault, FaultError, OperatingRange
 from .input_monitor import Monitor
 from .soft_start import SoftStart, SoftStartState
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class FaultGuard(ControllerWrapper[FaultGuardState]):
+class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
     """A controller that meets faults with a policy; what leaves it is finite and within the limits, always.
 
     A `Monitor` checks the inputs of every tick, and the guard the torque that the controller computes; an
@@ -89,7 +90,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState]):
     _monitor: Monitor
     _effect: EffectMonitor
     _believer: Believer
-    _limits: Limits
+    _braking: Braking
     _start: SoftStart
     _on_event: Callable[[FaultEvent], object] | None
 
@@ -131,34 +132,37 @@ class FaultGuard(ControllerWrapper[FaultGuardState]):
         rate = positive_number("rate", rate, "rate in 1/s")
         if rate * controller.dt > 0.5:
             raise ParameterError("rate", rate, f"at most 0.5/dt = {0.5 / controller.dt:g} 1/s")
-        range = OperatingRange(arm) if range is None else range
-        frozen_ticks = _count("frozen_ticks", frozen_ticks)
-        travel = positive_number("frozen_travel", frozen_travel, "way in rad or m")
-        within = _limits(arm, controller.limits if limits is None else limits)
         set_fields(
             self,
             controller=controller,
             policy=policy,
-            _limits=within,
-            range=range,
+            range=OperatingRange(arm) if range is None else range,
             rate=rate,
             longest_hold=positive_number("longest_hold", longest_hold, "time in seconds"),
             longest_blind=positive_number("longest_blind", longest_blind, "time in seconds"),
             patience=_count("patience", patience),
             way_back=positive_number("way_back", way_back, "time in seconds"),
-            frozen_ticks=frozen_ticks,
-            frozen_travel=travel,
-            _monitor=Monitor(arm, range, frozen_ticks, travel),
-            _effect=EffectMonitor(travel, within.effort),
-            _believer=Believer(arm, range, rate, controller.dt),
-            _start=SoftStart(controller, way_back),
+            frozen_ticks=_count("frozen_ticks", frozen_ticks),
+            frozen_travel=positive_number("frozen_travel", frozen_travel, "way in rad or m"),
             _on_event=on_event,
+        )
+        self._make_parts(_limits(arm, controller.limits if limits is None else limits))
+
+    def _make_parts(self, limits: Limits) -> None:
+        arm, range, dt = self.arm, self.range, self.dt
+        set_fields(
+            self,
+            _monitor=Monitor(arm, range, self.frozen_ticks, self.frozen_travel),
+            _effect=EffectMonitor(self.frozen_travel, limits.effort),
+            _believer=Believer(arm, range, self.rate, dt),
+            _braking=Braking(arm, limits, self.rate, self.longest_blind, dt),
+            _start=SoftStart(self.controller, self.way_back),
         )
 
     @property
     def limits(self) -> Limits:
         """What leaves is within these; those of the controller by default, else the arm's effort limits."""
-        return self._limits
+        return self._braking.limits
 
     def init(self) -> FaultGuardState:
         """Return the state before the first tick."""
@@ -284,7 +288,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState]):
         if state.response == "run" or state.fault is None:
             return False
         if state.fault.kind == "no effect":
-            return state.since < 3.0 * _RELAXATION
+            return state.since < 3.0 * RELAXATION
         is_fast = (np.abs(known.v) > 0.5 * self.range.velocity).any()
         return state.fault.kind == "out of range" and bool(is_fast)
 
@@ -351,68 +355,30 @@ class FaultGuard(ControllerWrapper[FaultGuardState]):
         since = 0.0 if state.response == "run" else now.since
         is_lost = now.known.blind > self.longest_blind
         response = self._response(state, now, since)
-        dynamics, (q, v, *_) = self.arm.raw_dynamics, now.known
+        braking, known = self._braking, now.known
         if is_lost:
-            tau = state.tau * np.exp(-(now.period or self.dt) / self.longest_blind)
+            tau = braking.decay(state.tau, now.period or self.dt)
         elif response == "hold":
-            rate = self.rate * since / self.longest_hold
-            tau = now.safe - rate * dynamics.mass_matrix(q) @ v
+            tau = braking.hold(now.safe, known, since / self.longest_hold)
         else:
-            tau = np.where(now.effect.stuck, self._relaxing(state, now), self._stopping(state, now))
+            back = braking.relax(known, state.tau, now.tau_ext, now.effect.carried)
+            tau = np.where(now.effect.stuck, back, braking.stop(known, state.tau))
         tau = self._within(state, now, tau)
-        output = GuardedOutput.of(self._output(now, tau), response, now.fault, is_lost)
-        return output, now._replace(tau=tau, response=response, since=since, period=None)
-
-    def _stopping(self, state: FaultGuardState, now: FaultGuardState) -> Array:
-        """The torque that brings the arm to rest, at the wanted rate or as fast as the limits admit."""
-        dynamics, (q, v, *_), r = self.arm.raw_dynamics, now.known, now.known.r
-        wanted = dynamics.inverse_dynamics(q, v, -self.rate * v) - r
-        if np.array_equal(self._within(state, now, wanted), wanted):
-            return wanted
-        inertia = np.diag(dynamics.mass_matrix(q))
-        return dynamics.bias(q, np.zeros_like(v)) - self.rate * inertia * v - r
-
-    def _relaxing(self, state: FaultGuardState, now: FaultGuardState) -> Array:
-        """The torque that goes back to what a joint carried before its torque grew without effect."""
-        (q, v, *_), share = now.known, -np.expm1(-self.dt / _RELAXATION)
-        carried = self.arm.raw_dynamics.bias(q, v) - now.tau_ext + now.effect.carried
-        relaxing: Array = state.tau + share * (carried - state.tau)
-        return relaxing
+        at_limit = np.abs(tau) >= self.limits.effort
+        is_changing = np.abs(tau - state.tau) >= self.limits.rate * self.dt
+        output = without_controller(self.arm, now, tau)
+        output = output._replace(saturated=at_limit, rate_limited=is_changing & ~at_limit)
+        following = now._replace(tau=tau, response=response, since=since, period=None)
+        return GuardedOutput.of(output, response, now.fault, is_lost), following
 
     def _response(self, state: FaultGuardState, now: FaultGuardState, since: float) -> Response:
         is_seen = now.fault is not None and _is_seen(now.fault)
         is_held = state.response != "stop" and since < self.longest_hold and not is_seen
         return "hold" if self.policy == "hold" and is_held else "stop"
 
-    def _output(self, now: FaultGuardState, tau: Array) -> ControllerOutput:
-        """What there is to say of a tick without the controller."""
-        q_d, v_d, a_d = now.reference
-        q_r = self.arm.raw_dynamics.integrate(q_d, now.q_e)
-        v_r = v_d + now.v_e
-        e1 = self.arm.raw_dynamics.difference(now.known.q, q_r)
-        zero, none = np.zeros_like(tau), np.zeros(tau.shape, dtype=np.bool_)
-        at_limit = np.abs(tau) >= self.limits.effort
-        change = np.abs(tau - now.tau) >= self.limits.rate * self.dt
-        return ControllerOutput(
-            tau.copy(),
-            *(q_r, v_r, a_d.copy(), e1, v_r - now.known.v),
-            s=zero,
-            u=zero.copy(),
-            q_e=now.q_e.copy(),
-            v_e=now.v_e.copy(),
-            saturated=at_limit,
-            rate_limited=change & ~at_limit,
-            premise_holds=none,
-            clipped=none.copy(),
-            reference_limited=none.copy(),
-        )
-
     def _within(self, state: FaultGuardState, now: FaultGuardState, tau: Array) -> Array:
-        """The nearest torque that may leave; the one before where there is none."""
-        if not np.isfinite(tau).all():
-            tau = state.tau
-        is_free = state.monitor.ticks == 0 or self._is_late(now)
-        return self.limits.nearest(tau, None if is_free else state.tau, self.dt)
+        """The nearest torque that may leave."""
+        return self._braking.within(tau, state.tau, state.monitor.ticks == 0 or self._is_late(now))
 
     def _told(
         self, state: FaultGuardState, output: GuardedOutput, following: FaultGuardState
@@ -425,7 +391,6 @@ class FaultGuard(ControllerWrapper[FaultGuardState]):
         return output, following
 
 
-_RELAXATION = 0.1  # s: time constant in which a torque without effect is taken back
 _NONE = Fault("malformed", "", (), "")
 _NO_PERIOD = Fault("malformed", "period", (), "period has to be a positive time in seconds")
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import Any, Literal, NamedTuple, TypeAlias
 
+import numpy as np
+
 from ..._common.arrays import Array
+from ...robot.arm_model import ArmModel
 from ...trajectories import Reference
 from ..telemetry import ControllerOutput
 from .belief import Belief
@@ -107,3 +110,31 @@ class FaultGuardState(NamedTuple):
     since: float
     sound: int
     period: float | None
+
+
+def without_controller(arm: ArmModel, state: FaultGuardState, tau: Array) -> ControllerOutput:
+    """Return what there is to say of a tick without the controller, whose torque is at no limit.
+
+    Args:
+        arm: The arm.
+        state: The state at this tick.
+        tau: Torque of the tick, shape (nv,) [N·m or N].
+    """
+    q_d, v_d, a_d = state.reference
+    q_r = arm.raw_dynamics.integrate(q_d, state.q_e)
+    v_r = v_d + state.v_e
+    e1 = arm.raw_dynamics.difference(state.known.q, q_r)
+    zero, none = np.zeros_like(tau), np.zeros(tau.shape, dtype=np.bool_)
+    return ControllerOutput(
+        tau.copy(),
+        *(q_r, v_r, a_d.copy(), e1, v_r - state.known.v),
+        s=zero,
+        u=zero.copy(),
+        q_e=state.q_e.copy(),
+        v_e=state.v_e.copy(),
+        saturated=none,
+        rate_limited=none.copy(),
+        premise_holds=none.copy(),
+        clipped=none.copy(),
+        reference_limited=none.copy(),
+    )

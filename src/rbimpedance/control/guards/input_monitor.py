@@ -73,9 +73,10 @@ class Monitor:
     What two sensors agree on is the truth, however large. Only what is lost, frozen or contradicted is a sensor fault.
 
     - Each input is a finite vector of the right size (any byte order and real kind that NumPy knows).
-    - From one sound measurement to the next, a joint moves as its measured velocity says, give or take twice what the
-      range of its speed allows. What breaks this is a "jump" of q (a spike, a lost encoder count, bytes in the wrong
-      order). Where the range of the acceleration is stated, the velocity changes by no more than twice that.
+    - From one sound measurement to the next, a joint moves by no more than twice what the range of its speed allows,
+      or as its measured velocity says, give or take that much. What breaks this is a "jump" of q (a spike, a lost
+      encoder count, bytes in the wrong order). Where the range of the acceleration is stated, the velocity changes by
+      no more than twice that.
     - A speed of more than twice the range is "inconsistent" unless the positions move like that, give or take the
       range.
     - A joint whose position is the same to the bit is "frozen" once it should have moved by more than `frozen_travel`
@@ -191,7 +192,8 @@ class Monitor:
             travel=travel,
             expected=expected,
         )
-        is_far = np.abs(moved - state.explained) > 2.0 * speed * state.since_q
+        reach = 2.0 * speed * state.since_q
+        is_far = (np.abs(moved) > reach) & (np.abs(moved - state.explained) > reach)
         self._add(faults, "jump", "q", is_far, moved, "q jumps by {:.3g}")
         is_frozen = state.still >= self.frozen_ticks
         words = "q is the same to the bit, for {:.0f} ticks after it should have moved"

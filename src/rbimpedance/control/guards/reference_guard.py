@@ -41,7 +41,7 @@ class GuardState(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class ReferenceGuard(ControllerWrapper[GuardState]):
+class ReferenceGuard(ControllerWrapper[GuardState, ControllerOutput]):
     """A controller whose impedance reference stays within position and velocity limits.
 
     Near an end u of a joint the reference may accelerate towards it by at most

@@ -54,7 +54,7 @@ class SoftStartState(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class SoftStart(ControllerWrapper[SoftStartState]):
+class SoftStart(ControllerWrapper[SoftStartState, ControllerOutput]):
     """A controller that takes an arm over without a jump, at its first tick and after every pause.
 
     Where it starts,
