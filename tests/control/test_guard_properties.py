@@ -225,17 +225,15 @@ def test_release_of_brakes_is_slow_although_the_reference_has_moved_on(flicker: 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("gains", [(15.0, 40.0), (50.0, 500.0)])
 @pytest.mark.parametrize("flicker", FLICKER)
 @pytest.mark.parametrize("name", ARMS)
-def test_release_of_brakes_is_slow_on_every_arm(
-    name: str, flicker: str, gains: tuple[float, float]
-) -> None:
+def test_release_of_brakes_is_slow_on_every_arm(name: str, flicker: str) -> None:
     arm = load(name)
     rng = np.random.default_rng(sum(map(ord, name + flicker)))
+    gains = [(15.0, 40.0), (50.0, 500.0)][rng.integers(2)]
     q = posture(arm, rng)
     trajectory = moves_on(arm, q) if rng.random() < 0.7 else hold(arm, q)
-    assert_release_is_slow(name, q, flicker, *gains, trajectory, 3020)
+    assert_release_is_slow(name, q, flicker, *gains, trajectory, 1500)
 
 
 # --- over arms, postures, speeds and pushes -------------------------------------------------------
@@ -260,9 +258,9 @@ def test_no_policy_ends_faster_than_the_bare_controller_and_none_is_blind(seed: 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(100, 140))
+@pytest.mark.parametrize("seed", range(100, 120))
 def test_no_policy_ends_faster_than_the_bare_controller_at_all(seed: int) -> None:
-    assert_no_policy_is_worse(seed, 4000, slow=0.02)
+    assert_no_policy_is_worse(seed, 3000, slow=0.02)
 
 
 # --- blind ----------------------------------------------------------------------------------------
@@ -298,9 +296,9 @@ def test_blind_arm_never_gets_a_constant_torque_for_ever(seed: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(200, 240))
+@pytest.mark.parametrize("seed", range(200, 215))
 def test_blind_arm_never_gets_a_constant_torque_on_any_arm(seed: int) -> None:
-    assert_blind_torque_vanishes(seed, 1500)
+    assert_blind_torque_vanishes(seed, 900)
 
 
 @pytest.mark.parametrize("name", ["q", "v"])
