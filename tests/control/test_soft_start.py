@@ -66,7 +66,7 @@ WRAPPED = {
 
 @pytest.mark.parametrize("wrap", WRAPPED.values(), ids=WRAPPED)
 def test_torque_begins_at_gravity_and_keeps_the_rate(wrap: Any) -> None:
-    """0.01 rad off the reference, which moves and accelerates: 45 N·m at once without a soft start."""
+    """0.01 rad off the reference, which moves and accelerates: 49 N·m at once without a soft start."""
     moving = cosine(PANDA, center=Q, amplitude=0.1, period=2.0)
     outputs, *_ = run(wrap(law()), moving, Q + 0.01, 300)
     tau = np.array([output.tau for output in outputs])

@@ -105,7 +105,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         longest_hold: float = 0.1,
         longest_blind: float = 0.25,
         patience: int = 5,
-        way_back: float = 0.5,
+        way_back: float = 0.1,
         frozen_ticks: int = 3,
         frozen_travel: float = 2e-4,
         on_event: Callable[[FaultEvent], object] | None = None,
@@ -156,7 +156,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
             _effect=EffectMonitor(self.frozen_travel, limits.effort),
             _believer=Believer(arm, range, self.rate, dt),
             _braking=Braking(arm, limits, self.rate, self.longest_blind, dt),
-            _start=SoftStart(self.controller, self.way_back),
+            _start=SoftStart(self.controller, self.way_back, acceleration=_EASY),
         )
 
     @property
@@ -391,6 +391,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         return output, following
 
 
+_EASY = 5.0  # rad/s² or m/s²: acceleration of the way back
 _NONE = Fault("malformed", "", (), "")
 _NO_PERIOD = Fault("malformed", "period", (), "period has to be a positive time in seconds")
 

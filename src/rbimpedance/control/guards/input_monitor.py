@@ -80,8 +80,8 @@ class Monitor:
     - A speed of more than twice the range is "inconsistent" unless the positions move like that, give or take the
       range.
     - A joint whose position is the same to the bit is "frozen" once it should have moved by more than `frozen_travel`
-      for `frozen_ticks` ticks: by its velocity, or, where the velocity is the same as well, by the reference's. At rest
-      under a resting reference the same bits are no fault: nothing can tell, and nothing depends on it.
+      for `frozen_ticks` ticks: by its velocity, or, where the velocity is the same as well, by the reference's. A
+      velocity of zero and the same bits agree: the arm rests, maybe held by brakes.
     - Positions, velocities and tau_ext are in their ranges. What is "out of range" and agrees is measured well.
 
     Where q of a joint cannot be used its velocity can, and the other way round, unless both are lost or frozen.
@@ -182,9 +182,9 @@ class Monitor:
         pace = state.v
         if v is not None:
             pace = np.clip((state.v + v) / 2.0, state.v - 2.0 * speed, state.v + 2.0 * speed)
-        is_still, is_same = moved == 0.0, (True if v is None else v == state.v)
+        is_still, repeats = moved == 0.0, (True if v is None else (v == state.v) & (v != 0.0))
         travel = np.where(is_still, state.travel + period * pace, 0.0)
-        expected = np.where(is_still & is_same, state.expected, 0.0)
+        expected = np.where(is_still & repeats, state.expected, 0.0)
         should_show = np.maximum(np.abs(travel), np.abs(expected)) > self.frozen_travel
         state = state._replace(
             explained=state.explained + period * pace,

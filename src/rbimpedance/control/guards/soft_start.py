@@ -173,7 +173,9 @@ class SoftStart(ControllerWrapper[SoftStartState, ControllerOutput]):
         q_d, v_d, a_d = now.reference
         way = self.arm.raw_dynamics.difference(q_d, now.q)
         length = self._length(way)
-        most = self.velocity / length  # more would take the reference far away first
+        most = np.minimum(
+            self.velocity / length, self.acceleration
+        )  # more would take the reference far away first
         gap = np.stack([way, now.v - v_d, np.clip(now.a - a_d, -most, most)])
         started = state._replace(
             ticks=max(state.ticks, 1), late=0.0, clock=0.0, length=length, gap=gap
