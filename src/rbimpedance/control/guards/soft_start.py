@@ -16,9 +16,7 @@ from ..errors import check_measurements
 from ..protocol import LONGEST_PERIOD, Controller
 from ..telemetry import ControllerOutput, Situation
 from ..wrapper import ControllerWrapper
-
-FASTEST = 100.0
-"""Speed limit of a joint whose description gives none [rad/s or m/s]."""
+from .faults import FASTEST
 
 _PEAK_SPEED, _PEAK_ACCELERATION = 1.875, 10.0 / np.sqrt(3.0)
 """Of the way from 0 to 1 in a time of 1 that begins and ends at rest, 10x³ - 15x⁴ + 6x⁵."""
