@@ -31,6 +31,7 @@ from .control.snapshot import save_snapshot as save_snapshot
 from .exceptions import DimensionError as DimensionError
 from .exceptions import DivergenceError as DivergenceError
 from .exceptions import InputError as InputError
+from .exceptions import JointLimitError as JointLimitError
 from .exceptions import MissingExtraError as MissingExtraError
 from .exceptions import ModelError as ModelError
 from .exceptions import NonFiniteError as NonFiniteError

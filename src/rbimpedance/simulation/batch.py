@@ -91,7 +91,7 @@ def simulate_batch(
         plant: Arms that are simulated.
         trajectory: Desired motions.
         wrench: Environments; each as in `simulate`.
-        q0: Initial configurations, shape (nq,) or (N, nq); each plant's `neutral` by default.
+        q0: Initial configurations, shape (nq,) or (N, nq); where each trajectory begins by default.
         v0: Initial velocities, shape (nv,) or (N, nv); at rest by default.
         duration: Length of the runs [s].
         substeps: Physics steps per control period.

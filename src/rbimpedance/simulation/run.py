@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import positive_number, vector
+from ..control.errors import check_reference
 from ..control.protocol import Backend, Controller
 from ..exceptions import ParameterError
 from ..interaction import EnvironmentLike, Perfect, Sensor, as_interaction
@@ -53,7 +54,7 @@ def simulate(
             frame in world axes, constant or as a function of time.
         sensor: What tells the controller the environment's torque: late, filtered, or estimated without a force sensor.
             The truth by default. The result logs the truth; `replay_sensor` gives what was told.
-        q0: Initial configuration, shape (nq,); `plant.neutral` by default.
+        q0: Initial configuration, shape (nq,); where the trajectory begins by default.
         v0: Initial velocity, shape (nv,); at rest by default.
         duration: Length of the run [s], a multiple of the control period.
         substeps: Physics steps per control period, a positive whole number.
@@ -117,7 +118,8 @@ def closed_loop(
     if (controller.arm.nq, controller.arm.nv) != (arm.nq, arm.nv):
         words = f"an arm with the controller's nq, nv = {controller.arm.nq}, {controller.arm.nv}"
         raise ParameterError("plant", repr(plant), words)
-    q = arm.neutral if q0 is None else arm.check_configuration("q0", q0)
+    begin = check_reference(controller.arm, trajectory(0.0)).q if q0 is None else q0
+    q = arm.check_configuration("q0", begin)
     return ClosedLoop(
         controller=controller,
         plant=arm,
