@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import rbimpedance as rbi
 from rbimpedance._numba.notices import say_once
-from rbimpedance.simulation.closed_loop import CHANNELS
+from rbimpedance.simulation.closed_loop import LOGGED as CHANNELS
 from rbimpedance.trajectories import cosine, hold
 
 from .. import arms

@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 import rbimpedance as rbi
+from rbimpedance.control import telemetry
 from rbimpedance.control.telemetry import FLAGS
 from rbimpedance.trajectories import hold
 
@@ -20,7 +21,7 @@ from .. import arms
 
 Array = NDArray[np.float64]
 REALS = ("t", "q", "v", "q_r", "e1", "e2", "e_im", "s", "tau", "tau_ext")
-CHANNELS = (*REALS, *FLAGS)
+CHANNELS = (*REALS, *FLAGS, "wrench", "tau_stop")
 
 
 def result(t: Array, **channels: Any) -> rbi.SimulationResult:
@@ -126,6 +127,18 @@ def test_figures_of_less_than_two_samples_are_refused(after: float) -> None:
 
 def test_joint_names_are_the_plants() -> None:
     assert result(T).joint_names == ("hip", "knee")
+
+
+def test_table_of_channels_is_what_a_result_has() -> None:
+    """Names, shapes and kinds of the table are those of the arrays; every flag is the controller's."""
+    run = result(T)
+    for channel in telemetry.CHANNELS:
+        array = getattr(run, channel.name)
+        assert array.shape == channel.shape(4, 2, 2)
+        assert (array.dtype == np.bool_) == channel.is_flag
+        if channel.source == "controller":
+            assert channel.name in rbi.ControllerOutput._fields
+    assert sorted(CHANNELS) == sorted(channel.name for channel in telemetry.CHANNELS)
 
 
 # --- file ----------------------------------------------------------------------------------------
@@ -271,6 +284,22 @@ def test_what_is_no_archive_is_refused(tmp_path: Path) -> None:
     for path in (tmp_path / "text.npz", tmp_path / "array.npy", tmp_path):
         with pytest.raises(rbi.ModelError, match="not a whole result file"):
             rbi.SimulationResult.load(path)
+
+
+def test_file_of_a_version_with_fewer_channels_is_read(
+    run: rbi.SimulationResult, tmp_path: Path
+) -> None:
+    """As version 0.1 wrote it: what it did not log is NaN, and flags are False."""
+    older = [name for name in CHANNELS if name not in ("wrench", "tau_stop", "clipped")]
+    told = header(units=dict.fromkeys(older, ""), provenance=run.provenance)
+    np.savez(tmp_path / "old.npz", header=told, **{name: getattr(run, name) for name in older})
+    read = rbi.SimulationResult.load(tmp_path / "old.npz")
+    for name in older:
+        assert_array_equal(getattr(read, name), getattr(run, name))
+    assert read.wrench.shape == (len(run.t), 6)
+    assert np.isnan(read.wrench).all()
+    assert np.isnan(read.tau_stop).all()
+    assert not read.clipped.any()
 
 
 def test_missing_file_is_said_to_be_missing(tmp_path: Path) -> None:

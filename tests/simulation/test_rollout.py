@@ -24,7 +24,7 @@ from .. import arms
 
 Array = NDArray[np.float64]
 FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
-CHANNELS = ("t", *closed_loop.CHANNELS)
+CHANNELS = ("t", *closed_loop.LOGGED)
 
 
 def build(arm: rbi.ArmModel, dt: float = 1e-3, **changes: Any) -> rbi.ImpedanceController:

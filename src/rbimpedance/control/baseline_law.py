@@ -19,6 +19,7 @@ from ..robot.pinocchio_dynamics import PinocchioDynamics
 from ..trajectories import Reference
 from .controller import ControllerOutput
 from .errors import Tracking, track
+from .telemetry import flags
 
 
 class BaselineState(NamedTuple):
@@ -109,18 +110,14 @@ class Baseline(ABC):
             self.arm, self._filter, q_e, v_e, q=q, v=v, reference=reference, tau_ext=tau_ext
         )
         tau, s, u = self._law(tick)
-        none = np.zeros(self.arm.nv, dtype=np.bool_)
         output = ControllerOutput(
             tau,
             *(tick.q_r, tick.v_r, tick.a_r, tick.e1, tick.e2, s),
             u=u,
             q_e=q_e.copy(),
             v_e=v_e.copy(),
-            saturated=none,
-            premise_holds=none.copy(),
-            rate_limited=none.copy(),
-            clipped=none.copy(),
-            reference_limited=none.copy(),
+            premise_holds=np.zeros(self.arm.nv, dtype=np.bool_),
+            **flags(self.arm.nv),
         )
         return output, BaselineState(*self._filter.advance(q_e, v_e, tick.tau_ext))
 

@@ -27,6 +27,7 @@ from .protocol import Backend, Step, Tick
 from .realtime import RealtimeController
 from .telemetry import ControllerOutput as ControllerOutput  # noqa: PLC0414 (part of this module's interface)
 from .telemetry import ControllerState as ControllerState  # noqa: PLC0414 (part of this module's interface)
+from .telemetry import flags
 
 LONGEST_PERIOD = 100.0
 """Longest measured period that a tick accepts, in control periods."""
@@ -312,11 +313,13 @@ class ImpedanceController:
             u=u - unrealised_u,
             q_e=state.q_e.copy(),
             v_e=state.v_e.copy(),
-            saturated=allocation.saturated,
             premise_holds=unrealised_u == 0.0,
-            rate_limited=allocation.rate_limited,
-            clipped=clipped(self.surface, e1),
-            reference_limited=np.zeros(e1.shape, dtype=np.bool_),
+            **flags(
+                len(e1),
+                saturated=allocation.saturated,
+                rate_limited=allocation.rate_limited,
+                clipped=clipped(self.surface, e1),
+            ),
         )
         return output, ControllerState(
             state.ticks + 1,

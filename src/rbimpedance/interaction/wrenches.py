@@ -5,7 +5,7 @@ Wrenches and joint torques as functions of time are here; walls and pushes are i
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
@@ -71,6 +71,31 @@ class FrameInteraction(Interaction, Protocol):
             q: Configuration, shape (nq,).
             v: Velocity, shape (nv,).
         """
+
+
+def wrench_at(arm: ArmModel, frame: str | None, acting: Iterable[AppliedWrench], q: Array) -> Array:
+    """Return the sum of wrenches, moved to a frame's origin, in world axes, shape (6,) [N, N·m].
+
+    Args:
+        arm: The arm that is pushed.
+        frame: Name of the frame; the tool frame by default.
+        acting: The wrenches.
+        q: Configuration, shape (nq,).
+    """
+    total, own = np.zeros(6), frame or arm.tool_frame
+    for place, wrench in acting:
+        total += wrench
+        if place != own:
+            arms = [arm.frame_placement(q, name)[1] for name in (place, own)]
+            total[3:] += np.cross(arms[0] - arms[1], wrench[:3])
+    return total
+
+
+def says_where(interaction: Interaction) -> bool:
+    """Whether all that pushes at frames says where, so that its wrench is known."""
+    if isinstance(interaction, Sum):
+        return all(says_where(part) for part in interaction.parts)
+    return isinstance(interaction, FrameInteraction | JointTorque | Nothing)
 
 
 class FrameWrench:

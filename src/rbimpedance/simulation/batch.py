@@ -17,7 +17,7 @@ from ..interaction import EnvironmentLike
 from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory
 from .batch_run import run_worlds
-from .closed_loop import CHANNELS, ClosedLoop
+from .closed_loop import LOGGED, ClosedLoop
 from .plants import Plant
 from .plants.integrators import Integrator
 from .run import check_choice, check_whole, closed_loop
@@ -96,8 +96,7 @@ def simulate_batch(
         duration: Length of the runs [s].
         substeps: Physics steps per control period.
         integrator: "semi-implicit" or "rk4".
-        channels: Names of what is logged: any of "q", "v", "q_r", "e1", "e2", "e_im", "s", "tau", "tau_ext",
-            "saturated", "rate_limited", "clipped", "reference_limited".
+        channels: Names of what is logged: any of `SimulationResult`'s arrays but t, wrench and tau_stop.
         every: Ticks from one sample to the next.
         metrics: Whether the figures of merit are wanted.
         after: Leave out the samples before this time in all but the settling times [s].
@@ -113,7 +112,7 @@ def simulate_batch(
         NonFiniteError: An input holds NaN or infinity.
     """
     for name in channels:
-        check_choice("channels", name, CHANNELS)
+        check_choice("channels", name, LOGGED)
     threads = _cores() if threads is None else threads
     check_whole("every", every, "ticks from one sample to the next")
     check_whole("threads", threads, "number of threads")

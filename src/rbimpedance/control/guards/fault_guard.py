@@ -18,6 +18,7 @@ from ...robot.arm_model import ArmModel
 from ...trajectories import Reference
 from ..controller import LONGEST_PERIOD, ControllerOutput
 from ..protocol import Controller
+from ..telemetry import flags
 from .fault_telemetry import FaultEvent as FaultEvent  # noqa: PLC0414 (part of this module's interface)
 from .fault_telemetry import FaultGuardState as FaultGuardState  # noqa: PLC0414 (likewise)
 from .fault_telemetry import GuardedOutput as GuardedOutput  # noqa: PLC0414 (likewise)
@@ -323,7 +324,7 @@ class FaultGuard:
         q_r = self.arm.raw_dynamics.integrate(q_d, believed.q_e)
         v_r = v_d + believed.v_e
         e1 = self.arm.raw_dynamics.difference(believed.q, q_r)
-        zero, none = np.zeros_like(tau), np.zeros(tau.shape, dtype=np.bool_)
+        zero = np.zeros_like(tau)
         at_limit = np.abs(tau) >= self.limits.effort
         change = np.abs(tau - believed.tau) >= self.limits.rate * self.dt
         return ControllerOutput(
@@ -333,11 +334,8 @@ class FaultGuard:
             u=zero.copy(),
             q_e=believed.q_e.copy(),
             v_e=believed.v_e.copy(),
-            saturated=at_limit,
-            rate_limited=change & ~at_limit,
-            premise_holds=none,
-            clipped=none.copy(),
-            reference_limited=none.copy(),
+            premise_holds=np.zeros(self.arm.nv, dtype=np.bool_),
+            **flags(self.arm.nv, saturated=at_limit, rate_limited=change & ~at_limit),
         )
 
     def _within(self, state: FaultGuardState, tau: Array) -> Array:
