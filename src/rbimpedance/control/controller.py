@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, per_joint, positive_number
+from .._common.brief import brief_repr
 from .._common.deprecation import renamed_arguments, renamed_attribute
 from .._common.frozen import set_fields
 from ..exceptions import InputError, ParameterError
@@ -33,6 +34,7 @@ LONGEST_PERIOD = 100.0
 """Longest measured period that a tick accepts, in control periods."""
 
 
+@brief_repr("arm", "dt", "backend", "impedance", "surface", "reaching", "limits")
 @dataclass(frozen=True, eq=False, init=False)
 class ImpedanceController:
     """Super-twisting terminal sliding-mode impedance controller for n joints.

@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array
+from .._common.brief import brief_repr
 from ..trajectories import Reference
 from .protocol import PeriodicController, Step, Tick
 from .telemetry import ControllerState
 
 
+@brief_repr("controller")
 class RealtimeController:
     """An `ImpedanceController` that keeps its own state and writes its torque into one array.
 

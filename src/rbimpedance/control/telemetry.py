@@ -7,6 +7,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from .._common.arrays import Array, BoolArray
+from .._common.brief import brief_repr
 from .._common.deprecation import warn_renamed
 
 
@@ -86,6 +87,7 @@ def flags(nv: int, **raised: BoolArray) -> Any:
     return {name: np.zeros(nv, dtype=np.bool_) for name in FLAGS} | raised
 
 
+@brief_repr("ticks", "q_e", "v_e", "z")
 class ControllerState(NamedTuple):
     """Everything that a controller remembers from one tick to the next.
 
@@ -116,6 +118,7 @@ class ControllerState(NamedTuple):
     z_before: Array
 
 
+@brief_repr("tau", "e1", "e2", "s", "saturated")
 class ControllerOutput(NamedTuple):
     """What a tick computed.
 

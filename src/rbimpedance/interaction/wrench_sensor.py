@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, vector
+from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..exceptions import DimensionError, ParameterError
 from ..robot.arm_model import ArmModel
@@ -28,6 +29,7 @@ class WristState(NamedTuple):
     wrench: Array | None
 
 
+@brief_repr("arm", "frame", "tool_mass", "tool_com", "low_pass")
 @dataclass(frozen=True, eq=False, init=False)
 class WrenchSensor:
     """A six-axis sensor in the wrist, and what to do with its readings before a controller may use them.

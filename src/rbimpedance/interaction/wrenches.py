@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, vector
+from .._common.brief import brief_repr, shortly
 from ..exceptions import ParameterError
 from ..robot.arm_model import ArmModel
 
@@ -24,6 +25,9 @@ class Constant:
 
     def __init__(self, value: Array) -> None:
         self.value = value
+
+    def __repr__(self) -> str:
+        return shortly(self.value)
 
     def __call__(self, t: float) -> Array:
         """Return the value."""
@@ -98,6 +102,7 @@ def says_where(interaction: Interaction) -> bool:
     return isinstance(interaction, FrameInteraction | JointTorque | Nothing)
 
 
+@brief_repr("function", "frame", "expressed_in")
 class FrameWrench:
     """A wrench on a named frame, constant or as a function of time: tau_ext = Jᵀ(q) w(t).
 
@@ -139,6 +144,7 @@ class FrameWrench:
         return (AppliedWrench(self.frame or arm.tool_frame, wrench.copy()),)
 
 
+@brief_repr("function")
 class JointTorque:
     """A torque on the joints themselves, constant or as a function of time.
 
@@ -159,6 +165,7 @@ class JointTorque:
         return vector("torque", self.function(t), arm.nv).copy()
 
 
+@brief_repr("parts")
 class Sum:
     """Several interactions at once: their torques add up.
 

@@ -32,7 +32,7 @@ class BatchResult:
         t: Times of the samples, shape (samples,) [s].
         channels: What was asked for, by the names and in the units of `SimulationResult`: shape (N, samples, nv), or
             nq for q and q_r. NaN (False) after a world has diverged.
-        metrics: The figures of `SimulationResult.metrics`, each of shape (N, nv), from every tick; empty where they
+        metrics: The figures of `SimulationResult.metrics` but violations and growth, (N, nv), from every tick; empty where they
             were not asked for, NaN where a world has diverged.
         q: Configuration at the end, shape (N, nq); of a world that diverged whatever came out.
         v: Velocity at the end, shape (N, nv) [rad/s or m/s].
@@ -49,6 +49,13 @@ class BatchResult:
     diverged: BoolArray
     divergence_time: Array
     divergence_joint: tuple[str | None, ...]
+
+    def __repr__(self) -> str:
+        channels = ", ".join(self.channels) or "no channels"
+        lost = int(np.count_nonzero(self.diverged))
+        return (
+            f"BatchResult({len(self)} worlds, {len(self.t)} samples of {channels}; {lost} diverged)"
+        )
 
     def __len__(self) -> int:
         """Number of worlds."""

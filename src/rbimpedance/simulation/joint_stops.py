@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._common.arrays import Array
+from .._common.brief import brief_repr
 from ..robot.arm_model import ArmModel
 from ..trajectories.limits import joint_positions
 
@@ -21,6 +22,7 @@ DAMPING_RATIO = 0.5
 _POSTURES = 16  # at which effective inertias are compared
 
 
+@brief_repr()
 @dataclass(frozen=True, eq=False)
 class JointStops:
     """A stiff spring and damper at every position limit, that push back and never pull.

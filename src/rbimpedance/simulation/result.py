@@ -93,6 +93,11 @@ class SimulationResult:
     forces: Forces | None = field(default=None, repr=False)
     _derived: dict[str, Array] = field(default_factory=dict, init=False, repr=False)
 
+    def __repr__(self) -> str:
+        name = self.provenance.get("plant", {}).get("name", "")
+        size = f"{len(self.t)} samples of {self.v.shape[1]} joints, t = {self.t[0]:g} to {self.t[-1]:g} s"
+        return f"SimulationResult({name!r}, {size}:\n    {self.verdict()})"
+
     @property
     def wrench(self) -> Array:
         """Wrench of the environment at the tool frame, in world axes, shape (N, 6) [N, N·m].

@@ -8,9 +8,11 @@ from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 import numpy as np
 
 from .._common.arrays import Array
+from .._common.brief import brief_repr
 from ..robot.arm_model import ArmModel
 
 
+@brief_repr()
 class Reference(NamedTuple):
     """Desired motion at one instant.
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, per_joint, positive_number
+from .._common.brief import brief_repr
 from .._common.deprecation import renamed_attribute
 from ..control.controller import ImpedanceController
 from ..control.imperfect import whole_number
@@ -30,6 +31,7 @@ from .uncertainty import Uncertainty
 from .worst_case import ExtremeCase
 
 
+@brief_repr("feasible", "reason", "arm", "k1", "k2", "error")
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GainProposal:
     """Gains for an arm with an uncertainty, or the reason why there are none; arrays have shape (nv,).

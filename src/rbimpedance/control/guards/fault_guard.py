@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..._common.arrays import Array, is_finite, per_joint, positive_number
+from ..._common.brief import brief_repr
 from ..._common.frozen import set_fields
 from ...exceptions import InputError, ParameterError
 from ...interaction.estimators import MomentumObserver, MomentumState
@@ -28,6 +29,7 @@ from .handover import handed_over, takes_period
 from .input_monitor import Monitor, Reading
 
 
+@brief_repr("policy", "limits", "controller")
 @dataclass(frozen=True, eq=False, init=False)
 class FaultGuard:
     """A controller that meets faults with a policy; what leaves it is finite and within the limits, always.

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..._common.arrays import Array, BoolArray, gain, per_joint, positive_number
+from ..._common.brief import brief_repr
 from ..._common.frozen import set_fields
 from ...exceptions import InputError, ParameterError
 from ...law.impedance import TargetFilter
@@ -39,6 +40,7 @@ class GuardState(NamedTuple):
     reference_limited: BoolArray
 
 
+@brief_repr("lower", "upper", "velocity", "controller")
 @dataclass(frozen=True, eq=False, init=False)
 class ReferenceGuard:
     """A controller whose impedance reference stays within position and velocity limits.
