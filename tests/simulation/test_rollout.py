@@ -89,12 +89,14 @@ ENVIRONMENTS: dict[str, Any] = {
     "at a link": rbi.FrameWrench(lambda t: np.full(6, t), "carriage"),
     "at the base": rbi.FrameWrench(np.ones(6), "universe"),
     "joint torque": rbi.JointTorque([1.0, 2.0, -0.5]),
-    "push": rbi.Push([4.0, 0.0, 0.0, 0.0, 1.0, 0.0], start=0.02, duration=0.1, rise=0.03),
+    "push": rbi.interaction.Push(
+        [4.0, 0.0, 0.0, 0.0, 1.0, 0.0], start=0.02, duration=0.1, rise=0.03
+    ),
     "wall": "still",
     "moving wall": "moving",
-    "sum": rbi.Sum(
-        rbi.Sum(rbi.JointTorque(lambda t: [t, 0.0, 1.0]), rbi.FrameWrench(np.ones(6))),
-        rbi.Push([4.0, 0.0, 0.0, 0.0, 1.0, 0.0], start=0.0, duration=0.2),
+    "sum": rbi.interaction.Sum(
+        rbi.interaction.Sum(rbi.JointTorque(lambda t: [t, 0.0, 1.0]), rbi.FrameWrench(np.ones(6))),
+        rbi.interaction.Push([4.0, 0.0, 0.0, 0.0, 1.0, 0.0], start=0.0, duration=0.2),
     ),
 }
 
@@ -294,7 +296,7 @@ class Mine:
 
 LEFT: dict[str, tuple[Any, dict[str, Any], str]] = {
     "interaction": ({}, {"wrench": Mine()}, "Mine"),
-    "inner interaction": ({}, {"wrench": rbi.Sum(Mine())}, "Sum"),
+    "inner interaction": ({}, {"wrench": rbi.interaction.Sum(Mine())}, "Sum"),
     "sensor": ({}, {"sensor": interaction.Delay(2)}, "Delay"),
     "target": ({"impedance": rbi.FiniteTimeImpedance(1.5, 10.0, 20.0, 0.7)}, {}, "FiniteTime"),
 }

@@ -32,8 +32,8 @@ class BatchResult:
         t: Times of the samples, shape (samples,) [s].
         channels: What was asked for, by the names and in the units of `SimulationResult`: shape (N, samples, nv), or
             nq for q and q_r. NaN (False) after a world has diverged.
-        metrics: The figures of `SimulationResult.metrics` but violations and growth, (N, nv), from every tick; empty where they
-            were not asked for, NaN where a world has diverged.
+        metrics: The figures of `SimulationResult.metrics` but violations and growth, each of shape (N, nv), from every
+            tick; empty where they were not asked for, NaN where a world has diverged.
         q: Configuration at the end, shape (N, nq); of a world that diverged whatever came out.
         v: Velocity at the end, shape (N, nv) [rad/s or m/s].
         diverged: Whether a joint left every sensible range, shape (N,), bool.
