@@ -73,7 +73,7 @@ def objects() -> dict[str, Any]:
         "output": output,
         "guard": rbi.FaultGuard(controller),
         "reference guard": rbi.ReferenceGuard(controller),
-        "encoders": rbi.QuantizedEncoders(controller, 1e-4),
+        "encoders": rbi.QuantizedEncoders(controller, resolution=1e-4),
         "hold": still,
         "cosine": rbi.trajectories.cosine(arm),
         "waypoints": rbi.trajectories.waypoints(arm, many, [0.0, 1.0]),

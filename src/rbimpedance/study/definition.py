@@ -76,7 +76,7 @@ class Experiment:
         trajectory: Desired motion.
         wrench: Environment, as in `simulate`.
         sensor: What tells the controller of the environment; the truth by default.
-        q0: Initial configuration, shape (nq,); the plant's neutral one by default.
+        q0: Initial configuration, shape (nq,); where the trajectory begins by default.
         wrap: Puts the sensors and actuators around a controller that are part of the disturbance.
         substeps: Physics steps per control period, where the plant needs others than the study has.
         inputs: What was drawn, by name; columns `input_*` of the table.
