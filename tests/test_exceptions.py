@@ -96,7 +96,9 @@ def test_every_error_of_the_package_has_a_case_here() -> None:
         for name, value in vars(rbi).items()
         if isinstance(value, type) and issubclass(value, rbi.RBImpedanceError)
     }
-    assert public - {"RBImpedanceError", "FaultError"} == set(ERRORS)  # FaultError: test_fault_guard.py
+    assert public - {"RBImpedanceError", "FaultError"} == set(
+        ERRORS
+    )  # FaultError: test_fault_guard.py
 
 
 def test_array_in_an_error_survives_pickling() -> None:

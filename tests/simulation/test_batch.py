@@ -13,10 +13,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import rbimpedance as rbi
 from rbimpedance._numba.notices import say_once
-from rbimpedance.simulation.closed_loop import LOGGED as CHANNELS
+from rbimpedance.simulation.closed_loop import LOGGED
 from rbimpedance.trajectories import cosine, hold
 
 from .. import arms
+
+CHANNELS = tuple(LOGGED)
 
 
 def build(arm: rbi.ArmModel, k1: float = 8.0, **changes: Any) -> rbi.ImpedanceController:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -305,3 +306,61 @@ def test_file_of_a_version_with_fewer_channels_is_read(
 def test_missing_file_is_said_to_be_missing(tmp_path: Path) -> None:
     with pytest.raises(rbi.ModelError, match=r"^no result file '.*gone.npz'"):
         rbi.SimulationResult.load(tmp_path / "gone.npz")
+
+
+# --- wrenches ------------------------------------------------------------------------------------
+
+
+def pushed(wrench: Any, duration: float = 0.05) -> rbi.SimulationResult:
+    arm = arms.spinner()
+    controller = rbi.ImpedanceController(
+        arm,
+        rbi.Impedance(1.0, 10.0, 20.0),
+        rbi.PowerSurface(3.0, 5.0 / 3.0),
+        rbi.SuperTwisting(8.0, 10.0),
+        dt=0.005,
+    )
+    return rbi.simulate(controller, arm, hold(arm), wrench=wrench, duration=duration)
+
+
+def test_logged_wrench_explains_the_logged_torque() -> None:
+    """A force at another frame, moved to the tool, exerts the same torque there."""
+    other = rbi.FrameWrench([1.0, 2.0, 3.0, 0.1, 0.2, 0.3], frame="hand", expressed_in="local")
+    both = rbi.interaction.Sum(rbi.FrameWrench(lambda t: [t, 0, 0, 0, 0, 1.0]), other)
+    run = pushed(both)
+    for q, wrench, tau_ext in zip(run.q, run.wrench, run.tau_ext, strict=True):
+        assert_allclose(arms.spinner().external_torque(q, wrench), tau_ext, atol=1e-12)
+
+
+def test_wrench_of_a_wall_is_its_contact_force() -> None:
+    arm = arms.spinner()
+    _, tool = arm.frame_placement(arm.ready)
+    wall = rbi.Wall(tool + np.array([0.0, 0.0, 0.001]), [0.0, 0.0, 1.0], 1000.0)
+    run = pushed(wall)
+    for t, q, v, wrench in zip(run.t, run.q, run.v, run.wrench, strict=True):
+        assert_allclose(wrench, [0.0, 0.0, wall.force(arm, t, q, v), 0.0, 0.0, 0.0], atol=1e-12)
+    assert run.wrench[0, 2] == pytest.approx(1.0)
+
+
+def test_wrench_is_zero_where_nothing_acts_at_a_frame_and_nan_where_it_is_not_said() -> None:
+    class Hidden:
+        def torque(self, arm: rbi.ArmModel, t: float, q: Array, v: Array) -> Array:
+            del t, q, v
+            return np.ones(arm.nv)
+
+    assert not pushed(None).wrench.any()
+    assert not pushed(rbi.JointTorque([1.0, 2.0, 3.0])).wrench.any()
+    assert np.isnan(pushed(Hidden()).wrench).all()
+    mixed = rbi.interaction.Sum(rbi.FrameWrench(np.ones(6)), Hidden())
+    assert np.isnan(pushed(mixed).wrench).all()
+
+
+def test_wrench_of_a_function_survives_pickling_and_the_file(tmp_path: Path) -> None:
+    run = pushed(lambda t: [np.sin(9.0 * t), 0.0, 0.0, 0.0, 0.0, 0.0])
+    expected = np.sin(9.0 * run.t)
+    for other in (
+        pickle.loads(pickle.dumps(run)),
+        rbi.SimulationResult.load(run.save(tmp_path / "x")),
+    ):
+        assert_allclose(other.wrench[:, 0], expected, atol=1e-15)
+        assert not other.tau_stop.any()

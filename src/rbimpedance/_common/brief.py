@@ -44,13 +44,13 @@ def brief_repr(*names: str, omit_defaults: bool = False) -> Callable[[C], C]:
 
 def shortly(value: Any) -> str:
     """Return a value in a few characters: four digits, one number where all are equal, names of arms and functions."""
-    if isinstance(value, np.ndarray | list | tuple) and np.asarray(value).dtype.kind in "fiub":
-        return _array(np.asarray(value))
+    if isinstance(value, np.ndarray):
+        return _array(value)
     if isinstance(value, float | np.floating):
         return f"{value:.4g}"
     if hasattr(value, "joint_names") and hasattr(value, "name"):
         return repr(value.name)
-    if type(value).__repr__ is object.__repr__ or not hasattr(type(value), "__module__"):
+    if getattr(type(value), "__repr__", None) is object.__repr__:
         return type(value).__name__
     if callable(value) and hasattr(value, "__name__"):
         return str(value.__name__)

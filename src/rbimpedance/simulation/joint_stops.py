@@ -87,4 +87,5 @@ def _effective_inertia(arm: ArmModel) -> Array:
     rng = np.random.default_rng(0)
     postures = [arm.ready, *(arm.random_configuration(rng) for _ in range(_POSTURES))]
     mobility = [np.diag(np.linalg.inv(arm.mass_matrix(q))) for q in postures]
-    return 1.0 / np.max(mobility, axis=0)
+    inertia: Array = 1.0 / np.max(mobility, axis=0)
+    return inertia

@@ -149,7 +149,8 @@ def _errors_by_quarter(result: Logged) -> Array:
 def _range_of_reference(result: Logged) -> Array:
     """How far the reference of each joint goes, shape (nv,), by its velocity v + e2."""
     way = np.cumsum((result.v + result.e2)[:-1] * np.diff(result.t)[:, None], axis=0)
-    return np.maximum(way.max(axis=0), 0.0) - np.minimum(way.min(axis=0), 0.0)
+    span: Array = np.maximum(way.max(axis=0), 0.0) - np.minimum(way.min(axis=0), 0.0)
+    return span
 
 
 def _first(result: Logged, happens: BoolArray) -> float:
