@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from rbimpedance import ArmModel, SimulationResult
@@ -31,7 +33,7 @@ def swung(
     q = np.array([arm.integrate(arm.neutral, x * ones) for x in swing])
     wrench = np.zeros(6) if force is None else np.append(force, np.zeros(3))
     zeros = np.zeros((len(t), arm.nv))
-    flags = {name: zeros.astype(np.bool_) for name in FLAGS}
+    flags: Any = {name: zeros.astype(np.bool_) for name in FLAGS}
     return SimulationResult(
         t=t,
         q=q,

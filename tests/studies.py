@@ -16,32 +16,32 @@ from rbimpedance.control.baselines import ComputedTorqueImpedance, PDGravity
 from rbimpedance.control.protocol import Controller
 
 TARGET = rbi.Impedance(mass=1.0, damping=10.0, stiffness=20.0)
-Maker = Callable[[rbi.Task], Controller[Any]]
+Maker = Callable[[rbi.study.Task], Controller[Any]]
 
 
-def task(name: str) -> rbi.Task:
-    return rbi.Task(robot=name, arm=rbi.load_robot("two_link"), impedance=TARGET, dt=1e-3)
+def task(name: str) -> rbi.study.Task:
+    return rbi.study.Task(robot=name, arm=rbi.load_robot("two_link"), impedance=TARGET, dt=1e-3)
 
 
-def computed_torque(task: rbi.Task) -> Controller[Any]:
+def computed_torque(task: rbi.study.Task) -> Controller[Any]:
     return ComputedTorqueImpedance(task.arm, task.impedance, task.dt)
 
 
-def spring(task: rbi.Task) -> Controller[Any]:
+def spring(task: rbi.study.Task) -> Controller[Any]:
     return PDGravity(task.arm, task.impedance, task.dt)
 
 
-def wild(task: rbi.Task) -> Controller[Any]:
+def wild(task: rbi.study.Task) -> Controller[Any]:
     """Too stiff for its period."""
     stiff = rbi.Impedance(mass=1.0, damping=10.0, stiffness=1e9)
     return PDGravity(task.arm, stiff, task.dt)
 
 
-def broken(task: rbi.Task) -> Controller[Any]:
+def broken(task: rbi.study.Task) -> Controller[Any]:
     raise ValueError(f"no gains for {task.robot}: {object()}")
 
 
-def deadly(marker: Path, task: rbi.Task) -> Controller[Any]:
+def deadly(marker: Path, task: rbi.study.Task) -> Controller[Any]:
     """Takes its process along, the first time."""
     if not marker.exists():
         marker.touch()
@@ -49,17 +49,17 @@ def deadly(marker: Path, task: rbi.Task) -> Controller[Any]:
     return spring(task)
 
 
-def payload(task: rbi.Task, rng: np.random.Generator) -> rbi.Experiment:
+def payload(task: rbi.study.Task, rng: np.random.Generator) -> rbi.study.Experiment:
     mass = rng.uniform(0.1, 0.5)
     trajectory = rbi.trajectories.cosine(task.arm, center=0.5, amplitude=0.2, period=1.0)
     plant = task.arm.with_payload(mass)
     q0 = trajectory(0.0).q
-    return rbi.Experiment(plant=plant, trajectory=trajectory, q0=q0, inputs={"payload": mass})
+    return rbi.study.Experiment(plant=plant, trajectory=trajectory, q0=q0, inputs={"payload": mass})
 
 
-def push(task: rbi.Task, rng: np.random.Generator) -> rbi.Experiment:
+def push(task: rbi.study.Task, rng: np.random.Generator) -> rbi.study.Experiment:
     force = rng.uniform(1.0, 5.0)
-    return rbi.Experiment(
+    return rbi.study.Experiment(
         plant=task.arm,
         trajectory=rbi.trajectories.hold(task.arm),
         wrench=[force, 0.0, 0.0, 0.0, 0.0, 0.0],

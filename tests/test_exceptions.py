@@ -33,6 +33,11 @@ ERRORS: dict[str, tuple[rbi.RBImpedanceError, dict[str, object], str]] = {
         {"name": "tau_ext", "index": (1, 4)},
         "tau_ext must be finite; entry 1, 4 is NaN or infinite",
     ),
+    "JointLimitError": (
+        rbi.JointLimitError("q", "elbow", 3.5, (-3.0, 3.0)),
+        {"name": "q", "joint": "elbow", "value": 3.5, "limits": (-3.0, 3.0)},
+        "q puts joint 'elbow' at 3.5, outside its position limits [-3, 3] (rad or m); check_limits=False allows it",
+    ),
     "DivergenceError": (
         rbi.DivergenceError(0.25, "elbow", "partial"),
         {"time": 0.25, "joint": "elbow", "result": "partial"},
@@ -72,6 +77,7 @@ def test_error_keeps_message_and_attributes(
         (rbi.InputError, ValueError),
         (rbi.DimensionError, rbi.InputError),
         (rbi.NonFiniteError, rbi.InputError),
+        (rbi.JointLimitError, rbi.InputError),
         (rbi.UnsupportedJointError, rbi.ModelError),
         (rbi.DivergenceError, ArithmeticError),
         (rbi.MissingExtraError, ImportError),
@@ -90,7 +96,9 @@ def test_every_error_of_the_package_has_a_case_here() -> None:
         for name, value in vars(rbi).items()
         if isinstance(value, type) and issubclass(value, rbi.RBImpedanceError)
     }
-    assert public - {"RBImpedanceError"} == set(ERRORS)
+    assert public - {"RBImpedanceError", "FaultError"} == set(
+        ERRORS
+    )  # FaultError: test_fault_guard.py
 
 
 def test_array_in_an_error_survives_pickling() -> None:

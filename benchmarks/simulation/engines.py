@@ -72,7 +72,7 @@ def variants(name: str) -> dict[str, rbi.ArmModel]:
 def agreement(name: str, variant: str) -> dict[str, Any]:
     """How far the engines agree on an arm."""
     arm = variants(name)[variant]
-    found = rbi.engine_agreement(arm)
+    found = rbi.simulation.plants.engine_agreement(arm)
     plant = rbi.MujocoPlant(arm.with_friction(coulomb=0.0), limits=False)
     rng = np.random.default_rng(0)
     starts = [(arm.random_configuration(rng), rng.standard_normal(arm.nv)) for _ in range(STARTS)]
@@ -183,7 +183,7 @@ def plant_of(name: str, coulomb: float) -> rbi.ArmModel:
 
 def run(proposal: Any, plant: Any, duration: float) -> rbi.SimulationResult:
     """The controller of a proposal, pushed."""
-    push = rbi.Push([0.0, 10.0, 5.0, 0.0, 0.0, 0.0], 0.3 * duration, 0.2 * duration)
+    push = rbi.interaction.Push([0.0, 10.0, 5.0, 0.0, 0.0, 0.0], 0.3 * duration, 0.2 * duration)
     trajectory = proposal.trajectory
     return rbi.simulate(proposal.controller(), plant, trajectory, wrench=push, duration=duration)
 

@@ -8,9 +8,13 @@ from __future__ import annotations
 
 import sys as _sys
 from importlib import import_module as _import_module
+from operator import attrgetter as _attrgetter
+from types import ModuleType as _ModuleType
 from typing import TYPE_CHECKING
 
 from . import interaction as interaction
+from . import simulation as simulation
+from . import study as study
 from . import trajectories as trajectories
 from ._common.deprecation import warn_renamed as _warn_renamed
 from ._common.leaf import leaf as _leaf
@@ -22,16 +26,19 @@ from .control.controller import ControllerState as ControllerState
 from .control.controller import ImpedanceController as ImpedanceController
 from .control.encoders import QuantizedEncoders as QuantizedEncoders
 from .control.guards import EnergyTank as EnergyTank
+from .control.guards import FaultError as FaultError
 from .control.guards import FaultGuard as FaultGuard
 from .control.guards import OperatingRange as OperatingRange
 from .control.guards import SoftStart as SoftStart
 from .control.guards.reference_guard import ReferenceGuard as ReferenceGuard
+from .control.loop import Loop as Loop
 from .control.realtime import RealtimeController as RealtimeController
 from .control.snapshot import load_snapshot as load_snapshot
 from .control.snapshot import save_snapshot as save_snapshot
 from .exceptions import DimensionError as DimensionError
 from .exceptions import DivergenceError as DivergenceError
 from .exceptions import InputError as InputError
+from .exceptions import JointLimitError as JointLimitError
 from .exceptions import MissingExtraError as MissingExtraError
 from .exceptions import ModelError as ModelError
 from .exceptions import NonFiniteError as NonFiniteError
@@ -41,13 +48,11 @@ from .exceptions import UnsupportedJointError as UnsupportedJointError
 from .interaction import FrameWrench as FrameWrench
 from .interaction import Interaction as Interaction
 from .interaction import JointTorque as JointTorque
-from .interaction import Push as Push
-from .interaction import Sum as Sum
+from .interaction import Sensor as Sensor
 from .interaction import Wall as Wall
 from .interaction import WrenchSensor as WrenchSensor
 from .interaction import impedance_for_wall as impedance_for_wall
 from .interaction.estimators import MomentumObserver as MomentumObserver
-from .interaction.estimators import SuperTwistingMomentumObserver as SuperTwistingMomentumObserver
 from .interaction.observers import (
     SuperTwistingDisturbanceObserver as SuperTwistingDisturbanceObserver,
 )
@@ -63,6 +68,7 @@ from .law.super_twisting import SuperTwisting as SuperTwisting
 from .law.surfaces import FastTerminalSurface as FastTerminalSurface
 from .law.surfaces import NonsingularTerminalSurface as NonsingularTerminalSurface
 from .law.surfaces import PowerSurface as PowerSurface
+from .law.surfaces import Surface as Surface
 from .robot.arm_model import ArmModel as ArmModel
 from .robot.cartesian import joint_matrix as joint_matrix
 from .robot.load import load_robot as load_robot
@@ -74,20 +80,18 @@ from .simulation.checkpoint import Checkpoint as Checkpoint
 from .simulation.energy import energy_balance as energy_balance
 from .simulation.plants import DrivenPlant as DrivenPlant
 from .simulation.plants import MujocoPlant as MujocoPlant
-from .simulation.plants import engine_agreement as engine_agreement
 from .simulation.replay import estimate_disturbance as estimate_disturbance
 from .simulation.replay import replay_sensor as replay_sensor
 from .simulation.result import SimulationResult as SimulationResult
-from .study import Experiment as Experiment
 from .study import Study as Study
-from .study import Task as Task
 from .study import run_study as run_study
-from .study import summarize as summarize
 from .trajectories import Reference as Reference
 from .tuning import GainProposal as GainProposal
 from .tuning import MotionMargin as MotionMargin
 from .tuning import Uncertainty as Uncertainty
 from .tuning import propose_gains as propose_gains
+from .tuning.gains_file import load_gains as load_gains
+from .tuning.gains_file import save_gains as save_gains
 
 if TYPE_CHECKING:
     from .pictures import figures as figures
@@ -104,8 +108,18 @@ _RENAMED = {
     "Spread": "MotionMargin",
     "observe": "estimate_disturbance",
     "sense": "replay_sensor",
+    "Push": "interaction.Push",
+    "Sum": "interaction.Sum",
+    "SuperTwistingMomentumObserver": "interaction.SuperTwistingMomentumObserver",
+    "engine_agreement": "simulation.plants.engine_agreement",
+    "Experiment": "study.Experiment",
+    "Task": "study.Task",
+    "summarize": "study.summarize",
 }
 """Old public names, kept for one release, and the new ones."""
+
+_ROOMS = {"baselines", "interaction", "scenarios", "simulation", "study", "trajectories"}
+"""Modules that are public by themselves."""
 
 _sys.meta_path.append(_MovedModules())
 
@@ -118,7 +132,18 @@ def __getattr__(name: str) -> object:
         return _leaf("pictures.figures")
     if name in _RENAMED:
         _warn_renamed(f"rbimpedance.{name}", f"rbimpedance.{_RENAMED[name]}")
-        return globals()[_RENAMED[name]]
+        return _attrgetter(_RENAMED[name])(_sys.modules[__name__])
     if f"{__name__}.{name}" in _MOVED:
         return _import_module(f"{__name__}.{name}")
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    """Return the public names, and nothing else."""
+    hidden = {"TYPE_CHECKING", "annotations"}
+    there = {
+        name
+        for name, value in globals().items()
+        if name in _ROOMS or not (name.startswith("_") or isinstance(value, _ModuleType))
+    }
+    return sorted((there - hidden) | _LOADED_WHEN_USED.keys() | {"figures", "__version__"})

@@ -101,6 +101,35 @@ class NonFiniteError(InputError):
         return f"{self.name} must be finite; entry {where} is NaN or infinite"
 
 
+class JointLimitError(InputError):
+    """A desired position lies outside the limits of a joint.
+
+    Attributes:
+        name: What was given.
+        joint: Name of the joint.
+        value: Its position [rad or m].
+        limits: Its lower and upper position limit [rad or m].
+    """
+
+    def __init__(self, name: str, joint: str, value: float, limits: tuple[float, float]) -> None:
+        self.name = name
+        self.joint = joint
+        self.value = value
+        self.limits = limits
+        super().__init__(name, joint, value, limits)
+
+    def __str__(self) -> str:
+        lower, upper = self.limits
+        return (
+            f"{self.name} puts joint '{self.joint}' at {self.value:.6g}, outside its position limits "
+            f"[{lower:.6g}, {upper:.6g}] (rad or m); check_limits=False allows it"
+        )
+
+
+class VelocityLimitWarning(UserWarning):
+    """A desired motion is faster than a joint's velocity limit."""
+
+
 class DivergenceError(RBImpedanceError, ArithmeticError):
     """A simulation left every sensible range.
 

@@ -33,7 +33,9 @@ def controller(arm: rbi.ArmModel) -> rbi.ImpedanceController:
 
 def swing(guard: Any, amplitude: float, torque: Any = 0.0) -> rbi.SimulationResult:
     arm = guard.arm
-    trajectory = cosine(arm, center=arm.neutral, amplitude=amplitude, period=2.0)
+    trajectory = cosine(
+        arm, center=arm.neutral, amplitude=amplitude, period=2.0, check_limits=False
+    )
     push = JointTorque(np.broadcast_to(torque, (arm.nv,)))
     start = trajectory(1.0 / 2.0)  # at the centre
     return rbi.simulate(
@@ -118,7 +120,7 @@ def test_reference_comes_back_once_nothing_holds_it() -> None:
         _, state = guard.step(state, moved.q, moved.v, moved, rest)
     assert state.reference_limited.all()
     assert (np.abs(state.q_g) > 0.01).all()
-    still = hold(arm, moved.q)(0.0)
+    still = hold(arm, moved.q, check_limits=False)(0.0)
     for _ in range(1000):
         _, state = guard.step(state, moved.q, rest, still, rest)
     assert not state.reference_limited.any()

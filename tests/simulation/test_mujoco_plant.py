@@ -77,13 +77,13 @@ def is_within(agreement: EngineAgreement) -> bool:
 @pytest.mark.parametrize("name", ARMS)
 def test_engines_agree_on_an_arm_as_loaded(name: str) -> None:
     arm = load(name)
-    assert is_within(rbi.engine_agreement(arm, duration=0.2))
+    assert is_within(rbi.simulation.plants.engine_agreement(arm, duration=0.2))
     assert rbi.MujocoPlant(arm).replaced == ()
 
 
 @pytest.mark.parametrize("name", ["panda", "kinova"])
 def test_engines_agree_for_a_second_of_free_motion(name: str) -> None:
-    assert rbi.engine_agreement(load(name), states=1, duration=1.0).motion <= 1e-6
+    assert rbi.simulation.plants.engine_agreement(load(name), states=1, duration=1.0).motion <= 1e-6
 
 
 CHANGES = {
@@ -99,7 +99,7 @@ CHANGES = {
 @pytest.mark.parametrize("change", CHANGES)
 def test_engines_agree_on_what_the_urdf_does_not_have(change: str) -> None:
     arm = CHANGES[change](load("kinova"))
-    assert is_within(rbi.engine_agreement(arm, states=2, duration=0.2))
+    assert is_within(rbi.simulation.plants.engine_agreement(arm, states=2, duration=0.2))
     carrying = {"payload": arm.joint_names[-1:], "scaled": arm.joint_names}
     assert rbi.MujocoPlant(arm).replaced == carrying.get(change, ())
 
@@ -110,12 +110,14 @@ def test_engines_agree_on_a_joint_that_is_locked_off_its_zero() -> None:
         lock=(*LOCKED["panda"], "panda_joint4"),
         locked_configuration={"panda_joint4": -1.5},
     )
-    assert is_within(rbi.engine_agreement(arm, duration=0.1))
+    assert is_within(rbi.simulation.plants.engine_agreement(arm, duration=0.1))
     assert rbi.MujocoPlant(arm).replaced == ("panda_joint3", "panda_joint5")
 
 
 def test_engines_agree_on_oblique_axes_and_sliding_joints() -> None:
-    assert is_within(rbi.engine_agreement(rbi.load_robot(spinner_urdf()), duration=0.2))
+    assert is_within(
+        rbi.simulation.plants.engine_agreement(rbi.load_robot(spinner_urdf()), duration=0.2)
+    )
 
 
 def test_engines_agree_on_a_tree_whose_joints_they_order_differently() -> None:
@@ -131,7 +133,7 @@ def test_engines_agree_on_a_tree_whose_joints_they_order_differently() -> None:
     plant = rbi.MujocoPlant(arm)
     assert arm.joint_names == ("trunk", "a_arm", "z_arm")
     assert plant._built.dofs.tolist() == [0, 2, 1]
-    assert is_within(rbi.engine_agreement(arm, duration=0.2))
+    assert is_within(rbi.simulation.plants.engine_agreement(arm, duration=0.2))
 
 
 def test_load_on_a_lone_joint_joins_its_mass() -> None:
@@ -337,7 +339,7 @@ def two_link_run(kill_at: int | None = None, **more: Any) -> rbi.SimulationResul
         controller,
         more.pop("plant", rbi.MujocoPlant(plant.with_friction(coulomb=0.2))),
         rbi.trajectories.cosine(arm, amplitude=0.2, period=2.0),
-        wrench=rbi.Push([3.0, 0.0, 2.0, 0.0, 0.0, 0.0], 0.1, 0.1),
+        wrench=rbi.interaction.Push([3.0, 0.0, 2.0, 0.0, 0.0, 0.0], 0.1, 0.1),
         duration=0.3,
         on_tick=on_tick,
         **more,

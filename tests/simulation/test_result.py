@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 import rbimpedance as rbi
+from rbimpedance.control import telemetry
 from rbimpedance.control.telemetry import FLAGS
 from rbimpedance.trajectories import hold
 
@@ -20,7 +22,7 @@ from .. import arms
 
 Array = NDArray[np.float64]
 REALS = ("t", "q", "v", "q_r", "e1", "e2", "e_im", "s", "tau", "tau_ext")
-CHANNELS = (*REALS, *FLAGS)
+CHANNELS = (*REALS, *FLAGS, "wrench", "tau_stop")
 
 
 def result(t: Array, **channels: Any) -> rbi.SimulationResult:
@@ -126,6 +128,18 @@ def test_figures_of_less_than_two_samples_are_refused(after: float) -> None:
 
 def test_joint_names_are_the_plants() -> None:
     assert result(T).joint_names == ("hip", "knee")
+
+
+def test_table_of_channels_is_what_a_result_has() -> None:
+    """Names, shapes and kinds of the table are those of the arrays; every flag is the controller's."""
+    run = result(T)
+    for channel in telemetry.CHANNELS:
+        array = getattr(run, channel.name)
+        assert array.shape == channel.shape(4, 2, 2)
+        assert (array.dtype == np.bool_) == channel.is_flag
+        if channel.source == "controller":
+            assert channel.name in rbi.ControllerOutput._fields
+    assert sorted(CHANNELS) == sorted(channel.name for channel in telemetry.CHANNELS)
 
 
 # --- file ----------------------------------------------------------------------------------------
@@ -273,6 +287,80 @@ def test_what_is_no_archive_is_refused(tmp_path: Path) -> None:
             rbi.SimulationResult.load(path)
 
 
+def test_file_of_a_version_with_fewer_channels_is_read(
+    run: rbi.SimulationResult, tmp_path: Path
+) -> None:
+    """As version 0.1 wrote it: what it did not log is NaN, and flags are False."""
+    older = [name for name in CHANNELS if name not in ("wrench", "tau_stop", "clipped")]
+    told = header(units=dict.fromkeys(older, ""), provenance=run.provenance)
+    np.savez(tmp_path / "old.npz", header=told, **{name: getattr(run, name) for name in older})
+    read = rbi.SimulationResult.load(tmp_path / "old.npz")
+    for name in older:
+        assert_array_equal(getattr(read, name), getattr(run, name))
+    assert read.wrench.shape == (len(run.t), 6)
+    assert np.isnan(read.wrench).all()
+    assert np.isnan(read.tau_stop).all()
+    assert not read.clipped.any()
+
+
 def test_missing_file_is_said_to_be_missing(tmp_path: Path) -> None:
     with pytest.raises(rbi.ModelError, match=r"^no result file '.*gone.npz'"):
         rbi.SimulationResult.load(tmp_path / "gone.npz")
+
+
+# --- wrenches ------------------------------------------------------------------------------------
+
+
+def pushed(wrench: Any, duration: float = 0.05) -> rbi.SimulationResult:
+    arm = arms.spinner()
+    controller = rbi.ImpedanceController(
+        arm,
+        rbi.Impedance(1.0, 10.0, 20.0),
+        rbi.PowerSurface(3.0, 5.0 / 3.0),
+        rbi.SuperTwisting(8.0, 10.0),
+        dt=0.005,
+    )
+    return rbi.simulate(controller, arm, hold(arm), wrench=wrench, duration=duration)
+
+
+def test_logged_wrench_explains_the_logged_torque() -> None:
+    """A force at another frame, moved to the tool, exerts the same torque there."""
+    other = rbi.FrameWrench([1.0, 2.0, 3.0, 0.1, 0.2, 0.3], frame="hand", expressed_in="local")
+    both = rbi.interaction.Sum(rbi.FrameWrench(lambda t: [t, 0, 0, 0, 0, 1.0]), other)
+    run = pushed(both)
+    for q, wrench, tau_ext in zip(run.q, run.wrench, run.tau_ext, strict=True):
+        assert_allclose(arms.spinner().external_torque(q, wrench), tau_ext, atol=1e-12)
+
+
+def test_wrench_of_a_wall_is_its_contact_force() -> None:
+    arm = arms.spinner()
+    _, tool = arm.frame_placement(arm.ready)
+    wall = rbi.Wall(tool + np.array([0.0, 0.0, 0.001]), [0.0, 0.0, 1.0], 1000.0)
+    run = pushed(wall)
+    for t, q, v, wrench in zip(run.t, run.q, run.v, run.wrench, strict=True):
+        assert_allclose(wrench, [0.0, 0.0, wall.force(arm, t, q, v), 0.0, 0.0, 0.0], atol=1e-12)
+    assert run.wrench[0, 2] == pytest.approx(1.0)
+
+
+def test_wrench_is_zero_where_nothing_acts_at_a_frame_and_nan_where_it_is_not_said() -> None:
+    class Hidden:
+        def torque(self, arm: rbi.ArmModel, t: float, q: Array, v: Array) -> Array:
+            del t, q, v
+            return np.ones(arm.nv)
+
+    assert not pushed(None).wrench.any()
+    assert not pushed(rbi.JointTorque([1.0, 2.0, 3.0])).wrench.any()
+    assert np.isnan(pushed(Hidden()).wrench).all()
+    mixed = rbi.interaction.Sum(rbi.FrameWrench(np.ones(6)), Hidden())
+    assert np.isnan(pushed(mixed).wrench).all()
+
+
+def test_wrench_of_a_function_survives_pickling_and_the_file(tmp_path: Path) -> None:
+    run = pushed(lambda t: [np.sin(9.0 * t), 0.0, 0.0, 0.0, 0.0, 0.0])
+    expected = np.sin(9.0 * run.t)
+    for other in (
+        pickle.loads(pickle.dumps(run)),
+        rbi.SimulationResult.load(run.save(tmp_path / "x")),
+    ):
+        assert_allclose(other.wrench[:, 0], expected, atol=1e-15)
+        assert not other.tau_stop.any()

@@ -18,13 +18,13 @@ from rbimpedance._numba.notices import say_once
 from rbimpedance.control.telemetry import FLAGS
 from rbimpedance.simulation import closed_loop
 from rbimpedance.simulation import run as single
-from rbimpedance.trajectories import SampledTrajectory, cosine, hold, waypoints
+from rbimpedance.trajectories import SampledTrajectory, cosine, hold, samples, waypoints
 
 from .. import arms
 
 Array = NDArray[np.float64]
 FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
-CHANNELS = ("t", *closed_loop.CHANNELS)
+CHANNELS = ("t", *closed_loop.LOGGED)
 
 
 def build(arm: rbi.ArmModel, dt: float = 1e-3, **changes: Any) -> rbi.ImpedanceController:
@@ -89,12 +89,14 @@ ENVIRONMENTS: dict[str, Any] = {
     "at a link": rbi.FrameWrench(lambda t: np.full(6, t), "carriage"),
     "at the base": rbi.FrameWrench(np.ones(6), "universe"),
     "joint torque": rbi.JointTorque([1.0, 2.0, -0.5]),
-    "push": rbi.Push([4.0, 0.0, 0.0, 0.0, 1.0, 0.0], start=0.02, duration=0.1, rise=0.03),
+    "push": rbi.interaction.Push(
+        [4.0, 0.0, 0.0, 0.0, 1.0, 0.0], start=0.02, duration=0.1, rise=0.03
+    ),
     "wall": "still",
     "moving wall": "moving",
-    "sum": rbi.Sum(
-        rbi.Sum(rbi.JointTorque(lambda t: [t, 0.0, 1.0]), rbi.FrameWrench(np.ones(6))),
-        rbi.Push([4.0, 0.0, 0.0, 0.0, 1.0, 0.0], start=0.0, duration=0.2),
+    "sum": rbi.interaction.Sum(
+        rbi.interaction.Sum(rbi.JointTorque(lambda t: [t, 0.0, 1.0]), rbi.FrameWrench(np.ones(6))),
+        rbi.interaction.Push([4.0, 0.0, 0.0, 0.0, 1.0, 0.0], start=0.0, duration=0.2),
     ),
 }
 
@@ -207,9 +209,10 @@ def test_samples_are_the_trajectory_one_by_one(arm: rbi.ArmModel, rng: np.random
     times = np.linspace(-0.1, 2.2, 50)
     for trajectory in (
         hold(arm, knots[0]),
-        cosine(arm, center=knots[0], amplitude=0.4, period=2.0),
-        cosine(arm, center=knots[1], amplitude=0.4, period=np.linspace(1.0, 2.0, arm.nv)),
+        cosine(arm, center=knots[0], amplitude=0.4, period=2.0, check_limits=False),
+        cosine(arm, center=knots[1], period=np.linspace(1.0, 2.0, arm.nv)),
         waypoints(arm, knots, [0.0, 1.0, 2.0]),
+        samples(arm, [0.0, 1.0, 2.0], knots, check_limits=False),
     ):
         assert isinstance(trajectory, SampledTrajectory)
         for i, part in enumerate(trajectory.sample(times)):
@@ -294,7 +297,7 @@ class Mine:
 
 LEFT: dict[str, tuple[Any, dict[str, Any], str]] = {
     "interaction": ({}, {"wrench": Mine()}, "Mine"),
-    "inner interaction": ({}, {"wrench": rbi.Sum(Mine())}, "Sum"),
+    "inner interaction": ({}, {"wrench": rbi.interaction.Sum(Mine())}, "Sum"),
     "sensor": ({}, {"sensor": interaction.Delay(2)}, "Delay"),
     "target": ({"impedance": rbi.FiniteTimeImpedance(1.5, 10.0, 20.0, 0.7)}, {}, "FiniteTime"),
 }

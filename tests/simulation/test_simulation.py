@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import rbimpedance as rbi
-from rbimpedance.trajectories import hold
+from rbimpedance.trajectories import cosine, hold
 
 from .. import arms
 
@@ -175,7 +175,8 @@ def test_time_is_the_tick_times_the_period_to_the_bit() -> None:
         asked.append(t)
         return hold(pendulum)(t)
 
-    run = rbi.simulate(build(pendulum, 1e-3), pendulum, trajectory, duration=0.7, substeps=1)
+    controller, q0 = build(pendulum, 1e-3), pendulum.neutral
+    run = rbi.simulate(controller, pendulum, trajectory, q0=q0, duration=0.7, substeps=1)
     expected = [k * 1e-3 for k in range(701)]
     assert run.t.tolist() == expected
     assert asked == expected
@@ -232,14 +233,11 @@ def test_run_is_reproducible_to_the_bit() -> None:
     assert first.provenance == second.provenance
 
 
-def test_motion_starts_at_the_plants_neutral_and_at_rest_by_default() -> None:
-    model = arms.manipulator().model
-    model.lowerPositionLimit = np.full(6, 0.25)
-    plant = rbi.ArmModel(model, name="stiff", tool_frame="effector_body")
-    run = rbi.simulate(
-        Motor(arms.manipulator(), 0.01), plant, hold(plant), duration=0.01, substeps=1
-    )
-    assert_array_equal(run.q[0], np.full(6, 0.25))
+def test_motion_starts_where_the_trajectory_does_and_at_rest_by_default() -> None:
+    plant = arms.manipulator()
+    trajectory = cosine(plant, center=0.25, amplitude=0.1, period=2.0)
+    run = rbi.simulate(Motor(plant, 0.01), plant, trajectory, duration=0.01, substeps=1)
+    assert_array_equal(run.q[0], np.full(6, 0.35))
     assert_array_equal(run.v[0], np.zeros(6))
 
 

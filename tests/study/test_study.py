@@ -252,7 +252,7 @@ def test_run_that_fails_or_diverges_is_a_row_with_its_reason_and_the_others_go_o
 
 
 def test_robot_that_cannot_be_loaded_costs_its_own_runs_only(tmp_path: Path) -> None:
-    def missing() -> rbi.Task:
+    def missing() -> rbi.study.Task:
         raise rbi.ModelError("no such arm")
 
     study = replace(SMALL, robots={"none": missing, "one": SMALL.robots["one"]}, samples=1)
@@ -270,7 +270,7 @@ def test_deviation_is_the_step_response_where_the_arm_does_not_yield(
 ) -> None:
     """M_d = 1, D_d = 3, K_d = 2: poles at -1 and -2, q_e = tau·(1/2 - exp(-t) + exp(-2t)/2)."""
     arm, dt, after = make(), 0.01, 0.5
-    task = rbi.Task(robot="arm", arm=arm, impedance=rbi.Impedance(1.0, 3.0, 2.0), dt=dt)
+    task = rbi.study.Task(robot="arm", arm=arm, impedance=rbi.Impedance(1.0, 3.0, 2.0), dt=dt)
     t = np.linspace(0.0, 1.99, 200)
     tau_ext = np.linspace(0.3, 1.0, arm.nv)
     still, nothing = np.tile(arm.neutral, (len(t), 1)), np.zeros((len(t), arm.nv))
@@ -302,7 +302,7 @@ def spring_on(arm: rbi.ArmModel, dt: float) -> Any:
 def test_errors_are_those_of_the_true_motion_where_the_controller_sees_another(
     tmp_path: Path,
 ) -> None:
-    def noisy(task: rbi.Task, rng: np.random.Generator) -> rbi.Experiment:
+    def noisy(task: rbi.study.Task, rng: np.random.Generator) -> rbi.study.Experiment:
         wrap = partial(rbi.tuning.ImperfectController, position_noise=0.1)
         calm = SMALL.disturbances["push"](task, rng)
         return replace(calm, wrench=None, wrap=wrap)
@@ -355,7 +355,7 @@ def test_summary_counts_every_run_and_takes_ratios_of_pairs_that_both_ended() ->
         *(made_up("other", i) for i in (4, 5)),
         made_up("other", 6, "diverged"),
     ]
-    found = rbi.summarize(as_table(table))
+    found = rbi.study.summarize(as_table(table))
     ours = found["controllers"]["ours"]
     assert [ours[k] for k in ("runs", "done", "diverged", "failed")] == [7, 5, 1, 1]
     told = found["compared"]["other"]

@@ -56,7 +56,7 @@ class Probe:
 
 
 def drive(
-    controller: ImperfectController[Any], ticks: int
+    controller: ImperfectController, ticks: int
 ) -> tuple[list[ControllerOutput], ImperfectState]:
     """Let the arm stand in neutral with v = tau_ext = k at tick k."""
     arm, state, outputs = controller.arm, controller.init(), []

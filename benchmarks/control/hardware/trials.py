@@ -20,7 +20,7 @@ DT = 1e-3
 LENGTH, SHORT, LATE = 5.0, 4.0, 3.0
 """Length of a run, of one in a search for a bound, and the time after which they are judged [s]."""
 ROTOR = 0.1  # kg·m²
-PUSH = rbi.Push([0.0, 10.0, 0.0, 0.0, 0.0, 0.0], start=0.5, duration=1.0)
+PUSH = rbi.interaction.Push([0.0, 10.0, 0.0, 0.0, 0.0, 0.0], start=0.5, duration=1.0)
 ACCURACY = 5e-3  # rad, of what the controller sees
 ROUGHNESS = 0.01  # change of the torque from tick to tick, as a share of the effort limit
 SUBSTEPS = (4, 8, 16, 32, 64)

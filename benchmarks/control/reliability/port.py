@@ -39,8 +39,8 @@ def port(case: str, tank: bool) -> tuple[float, float]:
     where, state, q, v = hold(arm, center)(0.0), controller.init(), center, np.zeros(arm.nv)
     place = arm.frame_placement(center)[1]
     wall = rbi.Wall(place - np.array([0.0, 0.0, 0.01]), [0.0, 0.0, 1.0], 5e3, 20.0)
-    push = rbi.Push([0, 0, -15, 0, 0, 0], 0.1, 0.5)
-    environment = rbi.Sum(Hand() if case == "gains" else wall, push)
+    push = rbi.interaction.Push([0, 0, -15, 0, 0, 0], 0.1, 0.5)
+    environment = rbi.interaction.Sum(Hand() if case == "gains" else wall, push)
     work = least = fastest = 0.0
     for k in range(4000):
         felt = environment.torque(arm, k * DT, q, v)

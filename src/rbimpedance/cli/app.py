@@ -35,7 +35,7 @@ from ..simulation.checkpoint import Checkpoint
 from ..simulation.plants.integrators import Integrator
 from ..simulation.result import SimulationResult
 from ..simulation.scenarios import Scenario, SurfaceName, paper, paper_comparison, paper_surface
-from ..trajectories import cosine
+from ..trajectories import Trajectory, amplitude_within_limits, cosine
 from ..tuning import GainProposal, Uncertainty, propose_gains
 from ..tuning.gains_file import load_gains, proposal_data, save_gains
 from .bench import bench
@@ -201,7 +201,7 @@ def run(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Simulate the controller on any robot, which follows a cosine about its neutral configuration."""
+    """Simulate the controller on any robot, which follows a cosine about its ready configuration."""
     arm = _load(
         robot,
         lock,
@@ -235,9 +235,9 @@ def run(
     scenario = Scenario(
         controller=controller,
         plant=arm.with_payload(payload) if payload else arm,
-        trajectory=cosine(arm, amplitude=amplitude, period=period),
+        trajectory=_swing(arm, amplitude, period),
         wrench=FrameWrench(np.concatenate([force, np.zeros(3)])),
-        q0=arm.neutral,
+        q0=arm.ready,
         duration=duration,
         substeps=substeps,
         integrator=integrator,
@@ -351,7 +351,7 @@ def tune(
         velocity_noise=velocity_noise,
         delay=delay,
     )
-    trajectory = cosine(arm, amplitude=amplitude, period=period)
+    trajectory = _swing(arm, amplitude, period)
     with progress(f"tuning {arm.name}", quiet=quiet or as_json) as on_tick:
         proposal = propose_gains(
             arm,
@@ -518,6 +518,12 @@ def main() -> None:
         what = f"{error.strerror}: '{error.filename}'" if error.filename else str(error)
         stderr.print(f"error: {what}", soft_wrap=True, markup=False)
         sys.exit(2)
+
+
+def _swing(arm: ArmModel, amplitude: float, period: float) -> Trajectory:
+    """A cosine about the ready posture, smaller where a limit is near."""
+    within = amplitude_within_limits(arm, at_most=amplitude, period=period)
+    return cosine(arm, amplitude=within, period=period)
 
 
 def _load(

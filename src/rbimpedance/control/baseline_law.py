@@ -19,7 +19,7 @@ from ..robot.pinocchio_dynamics import PinocchioDynamics
 from ..trajectories import Reference
 from .errors import Tracking, track
 from .protocol import checked_period
-from .telemetry import ControllerOutput, Situation
+from .telemetry import ControllerOutput, Situation, flags
 
 
 class BaselineState(NamedTuple):
@@ -126,18 +126,14 @@ class Baseline(ABC):
             self.arm, self._filter, q_e, v_e, q=q, v=v, reference=reference, tau_ext=tau_ext
         )
         tau, s, u = self._law(tick)
-        none = np.zeros(self.arm.nv, dtype=np.bool_)
         output = ControllerOutput(
             tau,
             *(tick.q_r, tick.v_r, tick.a_r, tick.e1, tick.e2, s),
             u=u,
             q_e=q_e.copy(),
             v_e=v_e.copy(),
-            saturated=none,
-            premise_holds=none.copy(),
-            rate_limited=none.copy(),
-            clipped=none.copy(),
-            reference_limited=none.copy(),
+            premise_holds=np.zeros(self.arm.nv, dtype=np.bool_),
+            **flags(self.arm.nv),
         )
         following = self._filter.advance(q_e, v_e, tick.tau_ext)
         return output, BaselineState(*following, np.array(tick.tau_ext), q_e, v_e)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, per_joint, positive
+from .._common.brief import brief_repr
 from .._common.deprecation import renamed_arguments
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
@@ -28,6 +29,7 @@ Smoothing: TypeAlias = Literal["sign", "boundary-layer", "dead-zone"]
 """What a first-order sliding mode switches with."""
 
 
+@brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
 class ComputedTorqueImpedance(Baseline):
     """Impedance control by inverse dynamics (Hogan 1985).
@@ -60,6 +62,7 @@ class ComputedTorqueImpedance(Baseline):
         return Answer(tau, np.zeros_like(a), a - tick.a_r)
 
 
+@brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
 class PDGravity(Baseline):
     """Joint stiffness: PD control with gravity compensation (Takegaki and Arimoto 1981).
@@ -89,6 +92,7 @@ class PDGravity(Baseline):
         return Answer(tau, zero, zero.copy())
 
 
+@brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
 class PDPlus(Baseline):
     """PD+ (Paden and Panja 1988): PD control with gravity compensation that tracks moving targets.

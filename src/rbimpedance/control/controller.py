@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, per_joint, positive_number
+from .._common.brief import brief_repr
 from .._common.deprecation import renamed_arguments, renamed_attribute
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
@@ -28,8 +29,10 @@ from .realtime import RealtimeController
 from .telemetry import ControllerOutput as ControllerOutput  # noqa: PLC0414 (part of this module's interface)
 from .telemetry import ControllerState as ControllerState  # noqa: PLC0414 (part of this module's interface)
 from .telemetry import Situation as Situation  # noqa: PLC0414 (part of this module's interface)
+from .telemetry import flags
 
 
+@brief_repr("arm", "dt", "backend", "impedance", "surface", "reaching", "limits")
 @dataclass(frozen=True, eq=False, init=False)
 class ImpedanceController:
     """Super-twisting terminal sliding-mode impedance controller for n joints.
@@ -335,11 +338,13 @@ class ImpedanceController:
             u=u - unrealised_u,
             q_e=state.q_e.copy(),
             v_e=state.v_e.copy(),
-            saturated=allocation.saturated,
             premise_holds=unrealised_u == 0.0,
-            rate_limited=allocation.rate_limited,
-            clipped=clipped(self.surface, e1),
-            reference_limited=np.zeros(e1.shape, dtype=np.bool_),
+            **flags(
+                len(e1),
+                saturated=allocation.saturated,
+                rate_limited=allocation.rate_limited,
+                clipped=clipped(self.surface, e1),
+            ),
         )
         return output, ControllerState(
             state.ticks + 1,

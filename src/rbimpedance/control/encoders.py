@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, per_joint, positive, vector
+from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
 from ..interaction.sensors import LowPass
@@ -38,6 +39,7 @@ class EncoderState(NamedTuple):
     inner: Any
 
 
+@brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
 class QuantizedEncoders(ControllerWrapper[EncoderState, ControllerOutput]):
     """A controller that sees positions in whole counts, and velocities as their differences.

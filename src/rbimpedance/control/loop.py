@@ -10,6 +10,7 @@ import numpy as np
 from loop_rate_limiters import RateLimiter
 
 from .._common.arrays import positive_number
+from .._common.brief import brief_repr
 
 RESOLUTION = 1e-3
 """Share of itself to which a percentile of the periods is known."""
@@ -48,6 +49,7 @@ class LoopReport(NamedTuple):
     longest: float
 
 
+@brief_repr()
 class Loop:
     """Ticks at a period, and measures what the period really was.
 

@@ -26,7 +26,7 @@ LONGEST_PERIOD = 100.0
 
 
 class Controller(Protocol[StateT]):
-    """What runs, wraps and compares controllers: the law, the baselines and all wrappers have it."""
+    """What `simulate` and studies need of a controller."""
 
     @property
     def arm(self) -> ArmModel:
@@ -36,6 +36,21 @@ class Controller(Protocol[StateT]):
     def dt(self) -> float:
         """Control period [s]."""
 
+    def init(self) -> StateT:
+        """Return the state before the first tick."""
+
+    def step(
+        self, state: StateT, q: ArrayLike, v: ArrayLike, reference: Reference, tau_ext: ArrayLike
+    ) -> tuple[ControllerOutput, StateT]:
+        """Return the output of one tick and the next state."""
+
+    def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
+        """Return e_im of the paper's eq. (5), given the acceleration a that the tick's torque led to."""
+
+
+class WrappableController(Controller[StateT], Protocol[StateT]):
+    """What guards need of the controller inside: the law, the baselines and the guards themselves have it."""
+
     @property
     def impedance(self) -> TargetImpedance:
         """Target impedance."""
@@ -43,9 +58,6 @@ class Controller(Protocol[StateT]):
     @property
     def limits(self) -> Limits | None:
         """Limits of the torque that it gives, None where it keeps none."""
-
-    def init(self) -> StateT:
-        """Return the state before the first tick."""
 
     def step(
         self,
@@ -63,9 +75,6 @@ class Controller(Protocol[StateT]):
 
     def handover(self, state: StateT, now: Situation) -> StateT:
         """Return the state with which the controller takes the arm over as it is now, without a jump."""
-
-    def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
-        """Return e_im of the paper's eq. (5), given the acceleration a that the tick's torque led to."""
 
 
 Step: TypeAlias = Callable[[Any, Any, Any, Any, Reference, Any], Any]

@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array
+from .._common.brief import brief_repr
 from ..trajectories import Reference
-from .protocol import Controller, Step, Tick
+from .protocol import Step, Tick, WrappableController
 from .telemetry import ControllerState, Situation
 
 
+@brief_repr("controller")
 class RealtimeController:
     """An `ImpedanceController` that keeps its own state and writes its torque into one array.
 
@@ -34,7 +36,7 @@ class RealtimeController:
 
     def __init__(
         self,
-        controller: Controller[ControllerState],
+        controller: WrappableController[ControllerState],
         compiled: Tick | None,
         state: ControllerState | None = None,
     ) -> None:

@@ -2,16 +2,93 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
 
 from .._common.arrays import Array, BoolArray
+from .._common.brief import brief_repr
 from .._common.deprecation import warn_renamed
 from ..trajectories import Reference
 
-FLAGS = ("saturated", "rate_limited", "clipped", "reference_limited")
+
+class Channel(NamedTuple):
+    """One quantity that a run logs at every tick.
+
+    Attributes:
+        name: Its name in `SimulationResult`, in files and, from a controller, in `ControllerOutput`.
+        unit: Its unit.
+        size: Numbers per sample: "nq", "nv", "6", or "1" for the time.
+        source: "controller" for a field of `ControllerOutput`, "plant" for what the loop sees of the plant, "derived"
+            for what follows from the motion and is computed when asked for.
+        doc: What it is.
+    """
+
+    name: str
+    unit: str
+    size: Literal["1", "nq", "nv", "6"]
+    source: Literal["controller", "plant", "derived"]
+    doc: str
+
+    @property
+    def is_flag(self) -> bool:
+        """Whether it is a truth value per joint that says what held the joint back."""
+        return self.unit == "bool"
+
+    def shape(self, samples: int, nq: int, nv: int) -> tuple[int, ...]:
+        """Return the shape of its log."""
+        return (
+            (samples,) if self.size == "1" else (samples, {"nq": nq, "nv": nv, "6": 6}[self.size])
+        )
+
+    def empty(self, samples: int, nq: int, nv: int) -> Any:
+        """Return a log of zeros, or False."""
+        return np.zeros(self.shape(samples, nq, nv), dtype=bool if self.is_flag else float)
+
+
+CHANNELS = (
+    Channel("t", "s", "1", "plant", "time k·dt"),
+    Channel("q", "rad or m; (cos, sin) on continuous joints", "nq", "plant", "configuration"),
+    Channel("v", "rad/s or m/s", "nv", "plant", "velocity"),
+    Channel("q_r", "as q", "nq", "controller", "impedance reference"),
+    Channel("e1", "rad or m", "nv", "controller", "position error q_r (-) q"),
+    Channel("e2", "rad/s or m/s", "nv", "controller", "velocity error v_r - v"),
+    Channel("e_im", "N·m or N", "nv", "plant", "impedance error, paper, eq. (5)"),
+    Channel("s", "rad/s or m/s", "nv", "controller", "sliding variable"),
+    Channel("tau", "N·m or N", "nv", "controller", "motor torque, held from t on"),
+    Channel("tau_ext", "N·m or N", "nv", "plant", "torque of the environment"),
+    Channel("saturated", "bool", "nv", "controller", "the joint is at its torque limit"),
+    Channel("rate_limited", "bool", "nv", "controller", "its torque may not change faster"),
+    Channel(
+        "clipped", "bool", "nv", "controller", "a BoundedSurface sees less than its whole error"
+    ),
+    Channel("reference_limited", "bool", "nv", "controller", "a guard holds its reference back"),
+    Channel(
+        "wrench",
+        "N, N·m",
+        "6",
+        "derived",
+        "wrench of the environment at the tool frame, world axes",
+    ),
+    Channel("tau_stop", "N·m or N", "nv", "derived", "torque of the joint stops"),
+)
+"""What a run logs. A new channel is a row here, a typed field of `SimulationResult`, and what computes it."""
+
+FLAGS = tuple(channel.name for channel in CHANNELS if channel.is_flag)
 """Fields of `ControllerOutput` that say what held a joint back; a run's log has them, too."""
 
 
+def flags(nv: int, **raised: BoolArray) -> Any:
+    """Return every flag for `ControllerOutput(**flags(nv, saturated=...))`; those not given are False.
+
+    Args:
+        nv: Number of joints.
+        **raised: Flags by name, each of shape (nv,).
+    """
+    return {name: np.zeros(nv, dtype=np.bool_) for name in FLAGS} | raised
+
+
+@brief_repr("ticks", "q_e", "v_e", "z")
 class ControllerState(NamedTuple):
     """Everything that a controller remembers from one tick to the next.
 
@@ -42,6 +119,7 @@ class ControllerState(NamedTuple):
     z_before: Array
 
 
+@brief_repr("tau", "e1", "e2", "s", "saturated")
 class ControllerOutput(NamedTuple):
     """What a tick computed.
 

@@ -13,7 +13,7 @@ from ..law.impedance import TargetImpedance
 from ..law.limits import Limits
 from ..robot.arm_model import ArmModel
 from ..trajectories import Reference
-from .protocol import Controller
+from .protocol import WrappableController
 from .telemetry import ControllerOutput, Situation
 
 WrapperStateT = TypeVar("WrapperStateT", bound=Any)
@@ -30,7 +30,7 @@ class ControllerWrapper(ABC, Generic[WrapperStateT, OutputT]):
         controller: The controller inside.
     """
 
-    controller: Controller[Any]
+    controller: WrappableController[Any]
 
     @property
     def arm(self) -> ArmModel:

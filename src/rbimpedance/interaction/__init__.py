@@ -15,6 +15,8 @@ from .contact_rules import impedance_for_wall as impedance_for_wall
 from .contact_rules import normal_impedance as normal_impedance
 from .contact_rules import recommended_mass as recommended_mass
 from .contact_rules import smallest_mass as smallest_mass
+from .estimators import MomentumObserver as MomentumObserver
+from .estimators import SuperTwistingMomentumObserver as SuperTwistingMomentumObserver
 from .sensors import Chain as Chain
 from .sensors import Delay as Delay
 from .sensors import LowPass as LowPass

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, gain, positive_number, vector
+from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
 from ..robot.arm_model import ArmModel
@@ -17,6 +18,7 @@ from .wrenches import AppliedWrench, FrameWrench
 _RATE_STEP = 1e-6  # s: half the span of the central difference of a wall's displacement
 
 
+@brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
 class Wall:
     """A flat, frictionless spring-damper surface that pushes on one point of the arm and never pulls.
@@ -136,6 +138,7 @@ class Wall:
         return float(max(0.0, self.stiffness * depth + self.damping * rate))
 
 
+@brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
 class Push:
     """A scripted push, as of a human hand: a wrench that swells, holds and fades.

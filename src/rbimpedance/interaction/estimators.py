@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, per_joint, positive, positive_number
+from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..law.super_twisting import SuperTwisting
 from ..robot.arm_model import ArmModel
@@ -36,6 +37,7 @@ class MomentumState(NamedTuple):
     r: Array
 
 
+@brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
 class MomentumObserver:
     """Generalised-momentum observer (De Luca and Mattone): r is tau_ext through a first-order low-pass.
@@ -98,6 +100,7 @@ class MomentumObserver:
         return r.copy(), MomentumState(np.array(v), M, bias, r)
 
 
+@brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
 class SuperTwistingMomentumObserver:
     """The same momentum balance, closed by super-twisting: no low-pass where abs(dtau_ext/dt) < k2.

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, per_joint, positive_number, vector
+from .._common.brief import brief_repr
 from .._common.deprecation import renamed_arguments
 from .._common.frozen import set_fields
 from ..law.super_twisting import ReachingState, SuperTwisting
@@ -54,6 +55,7 @@ class DisturbanceEstimate(NamedTuple):
     s: Array
 
 
+@brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
 class SuperTwistingDisturbanceObserver:
     """Observer of the torque w in M(q) a + bias(q, v) = tau + tau_ext + w.

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, vector
+from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..exceptions import DimensionError, ParameterError
 from ..robot.arm_model import ArmModel
 from .sensors import LowPass
-from .wrenches import FrameInteraction
+from .wrenches import FrameInteraction, wrench_at
 
 
 class WristState(NamedTuple):
@@ -28,6 +29,7 @@ class WristState(NamedTuple):
     wrench: Array | None
 
 
+@brief_repr("arm", "frame", "tool_mass", "tool_com", "low_pass")
 @dataclass(frozen=True, eq=False, init=False)
 class WrenchSensor:
     """A six-axis sensor in the wrist, and what to do with its readings before a controller may use them.
@@ -175,13 +177,7 @@ class Mounted:
     def _at_the_sensor(self, t: float, q: Array, v: Array) -> Array:
         """The contact's wrenches moved to the sensor's origin, in world axes."""
         arm = self.hardware.arm
-        _, origin = arm.frame_placement(q, self.hardware.frame)
-        total = np.zeros(6)
-        for frame, wrench in self.contact.wrenches(arm, t, q, v):
-            _, point = arm.frame_placement(q, frame)
-            total += wrench
-            total[3:] += np.cross(point - origin, wrench[:3])
-        return total
+        return wrench_at(arm, self.hardware.frame, self.contact.wrenches(arm, t, q, v), q)
 
 
 class ToolCalibration(NamedTuple):

@@ -5,13 +5,14 @@ Wrenches and joint torques as functions of time are here; walls and pushes are i
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, vector
+from .._common.brief import brief_repr, shortly
 from ..exceptions import ParameterError
 from ..robot.arm_model import ArmModel
 
@@ -24,6 +25,9 @@ class Constant:
 
     def __init__(self, value: Array) -> None:
         self.value = value
+
+    def __repr__(self) -> str:
+        return shortly(self.value)
 
     def __call__(self, t: float) -> Array:
         """Return the value."""
@@ -73,6 +77,32 @@ class FrameInteraction(Interaction, Protocol):
         """
 
 
+def wrench_at(arm: ArmModel, frame: str | None, acting: Iterable[AppliedWrench], q: Array) -> Array:
+    """Return the sum of wrenches, moved to a frame's origin, in world axes, shape (6,) [N, N·m].
+
+    Args:
+        arm: The arm that is pushed.
+        frame: Name of the frame; the tool frame by default.
+        acting: The wrenches.
+        q: Configuration, shape (nq,).
+    """
+    total, own = np.zeros(6), frame or arm.tool_frame
+    for place, wrench in acting:
+        total += wrench
+        if place != own:
+            arms = [arm.frame_placement(q, name)[1] for name in (place, own)]
+            total[3:] += np.cross(arms[0] - arms[1], wrench[:3])
+    return total
+
+
+def says_where(interaction: Interaction) -> bool:
+    """Whether all that pushes at frames says where, so that its wrench is known."""
+    if isinstance(interaction, Sum):
+        return all(says_where(part) for part in interaction.parts)
+    return isinstance(interaction, FrameInteraction | JointTorque | Nothing)
+
+
+@brief_repr("function", "frame", "expressed_in")
 class FrameWrench:
     """A wrench on a named frame, constant or as a function of time: tau_ext = Jᵀ(q) w(t).
 
@@ -114,6 +144,7 @@ class FrameWrench:
         return (AppliedWrench(self.frame or arm.tool_frame, wrench.copy()),)
 
 
+@brief_repr("function")
 class JointTorque:
     """A torque on the joints themselves, constant or as a function of time.
 
@@ -134,6 +165,7 @@ class JointTorque:
         return vector("torque", self.function(t), arm.nv).copy()
 
 
+@brief_repr("parts")
 class Sum:
     """Several interactions at once: their torques add up.
 

@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, BoolArray, positive
+from .._common.brief import brief_repr
 from .._common.deprecation import renamed_arguments, renamed_attribute
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
 from .surfaces import Surface
 
 
+@brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
 class BoundedSurface:
     """Another surface that sees at most a stated error: abs(e1) > E counts as E.

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, BoolArray, gain, per_joint, positive
+from .._common.brief import brief_repr
 from ..exceptions import DimensionError, NonFiniteError
 from . import certificate_words as words
 from .lyapunov import Law, admissible_rate, solve
@@ -20,6 +21,7 @@ _MARGIN = (
 _BISECTIONS = 60
 
 
+@brief_repr("feasible", "d_max", "d_max_admissible", "reaching_time", "sliding_time", "total_time")
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Certificate:
     """What Theorem 1 guarantees, joint by joint.

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, per_joint, positive, positive_number
+from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
 from .impedance import ImpedanceFilter, ImpedanceMatrices, TargetFilter, check_damping
@@ -17,6 +18,7 @@ SMALLEST_EXPONENT = 0.01
 """Below it sig(x)^α1 is a relay, and its powers leave the range of float64."""
 
 
+@brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
 class FiniteTimeImpedance:
     """A target that lets go in finite time: the paper's future work.

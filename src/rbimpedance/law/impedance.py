@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array
+from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..exceptions import DimensionError, ParameterError
 
@@ -61,6 +62,7 @@ class TargetImpedance(Protocol):
         """
 
 
+@brief_repr("mass", "damping", "stiffness")
 @dataclass(frozen=True, eq=False, init=False)
 class Impedance:
     """The mass, damper and spring that the arm should feel like: M_d, D_d, K_d of the paper's eq. (2).

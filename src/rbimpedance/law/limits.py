@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, BoolArray
+from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
 
@@ -31,6 +32,7 @@ class Allocation(NamedTuple):
     acceleration_deficit: Array
 
 
+@brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
 class Limits:
     """Limits that the controller keeps.

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, gain, positive
+from .._common.brief import brief_repr
 from .._common.deprecation import renamed_attribute
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
@@ -40,6 +41,7 @@ class ReachingState(NamedTuple):
     a: Array
 
 
+@brief_repr("k1", "k2", "scheme")
 @dataclass(frozen=True, eq=False, init=False)
 class SuperTwisting:
     """Super-twisting with gains per joint (paper, eq. 8) in a chosen discretisation.

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, gain, positive
+from .._common.brief import brief_repr
 from .._common.deprecation import renamed_attribute
 from .._common.frozen import set_fields
 
@@ -48,6 +49,7 @@ class Surface(Protocol):
         """Speed abs(e2) on s = 0 [rad/s or m/s]."""
 
 
+@brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
 class PowerSurface:
     """The paper's surface, s = γ·sig(e1)^p + e2 (paper, eq. 6).
@@ -136,6 +138,7 @@ class PowerSurface:
     hold_gain = renamed_attribute("hold_gain", "zoh_gain")
 
 
+@brief_repr("rate", "gamma", "exponent")
 @dataclass(frozen=True, eq=False, init=False)
 class FastTerminalSurface:
     """Finite-time and nonsingular: s = e2 + λ·e1 + γ·φ(e1).
@@ -274,6 +277,7 @@ class FastTerminalSurface:
     hold_gain = renamed_attribute("hold_gain", "zoh_gain")
 
 
+@brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
 class NonsingularTerminalSurface:
     """The nonsingular terminal surface of Feng, Yu and Man (2002), s = e1 + sig(e2)^p/β.

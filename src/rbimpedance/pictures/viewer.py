@@ -228,7 +228,7 @@ def animate(
         robot: The arm, or anything that `load_robot` takes. Without it, the simulated arm; a result from a file says
             which robot that was, where it had a name or a path.
         wrench: What `simulate` was given: its wrenches are drawn where they act, its walls as surfaces. Without it,
-            the force at the tool, or where none does the wrench, that gives the logged tau_ext.
+            the logged wrench at the tool, or where there is none the force or wrench that gives the logged tau_ext.
         fps: Frames per second of the run.
         open: Open the system's browser.
         port: Port on 127.0.0.1 for the page; 0 for any that is free.
@@ -299,8 +299,12 @@ def _moment(
     q, t = result.q[k], float(result.t[k])
     if environment is not None:
         wrenches = _wrenches(arm, environment, t, q, result.v[k])
+    elif not has_force:
+        wrenches = np.zeros((0, 9))
+    elif np.isfinite(result.wrench[k]).all() and result.wrench[k].any():
+        wrenches = np.array([[*arm.frame_placement(q)[1], *result.wrench[k]]])
     else:
-        wrenches = _at_tool(arm, q, result.tau_ext[k]) if has_force else np.zeros((0, 9))
+        wrenches = _at_tool(arm, q, result.tau_ext[k])
     _, tool = arm.frame_placement(q)
     return Frame(q, result.q_r[k], wrenches, _travel(environment, t), tool)
 

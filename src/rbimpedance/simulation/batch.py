@@ -17,7 +17,7 @@ from ..interaction import EnvironmentLike
 from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory
 from .batch_run import run_worlds
-from .closed_loop import CHANNELS, ClosedLoop
+from .closed_loop import LOGGED, ClosedLoop
 from .plants import Plant
 from .plants.integrators import Integrator
 from .run import check_choice, check_whole, closed_loop
@@ -32,8 +32,8 @@ class BatchResult:
         t: Times of the samples, shape (samples,) [s].
         channels: What was asked for, by the names and in the units of `SimulationResult`: shape (N, samples, nv), or
             nq for q and q_r. NaN (False) after a world has diverged.
-        metrics: The figures of `SimulationResult.metrics`, each of shape (N, nv), from every tick; empty where they
-            were not asked for, NaN where a world has diverged.
+        metrics: The figures of `SimulationResult.metrics` but violations and growth, each of shape (N, nv), from every
+            tick; empty where they were not asked for, NaN where a world has diverged.
         q: Configuration at the end, shape (N, nq); of a world that diverged whatever came out.
         v: Velocity at the end, shape (N, nv) [rad/s or m/s].
         diverged: Whether a joint left every sensible range, shape (N,), bool.
@@ -49,6 +49,13 @@ class BatchResult:
     diverged: BoolArray
     divergence_time: Array
     divergence_joint: tuple[str | None, ...]
+
+    def __repr__(self) -> str:
+        channels = ", ".join(self.channels) or "no channels"
+        lost = int(np.count_nonzero(self.diverged))
+        return (
+            f"BatchResult({len(self)} worlds, {len(self.t)} samples of {channels}; {lost} diverged)"
+        )
 
     def __len__(self) -> int:
         """Number of worlds."""
@@ -91,13 +98,12 @@ def simulate_batch(
         plant: Arms that are simulated.
         trajectory: Desired motions.
         wrench: Environments; each as in `simulate`.
-        q0: Initial configurations, shape (nq,) or (N, nq); each plant's `neutral` by default.
+        q0: Initial configurations, shape (nq,) or (N, nq); where each trajectory begins by default.
         v0: Initial velocities, shape (nv,) or (N, nv); at rest by default.
         duration: Length of the runs [s].
         substeps: Physics steps per control period.
         integrator: "semi-implicit" or "rk4".
-        channels: Names of what is logged: any of "q", "v", "q_r", "e1", "e2", "e_im", "s", "tau", "tau_ext",
-            "saturated", "rate_limited", "clipped", "reference_limited".
+        channels: Names of what is logged: any of `SimulationResult`'s arrays but t, wrench and tau_stop.
         every: Ticks from one sample to the next.
         metrics: Whether the figures of merit are wanted.
         after: Leave out the samples before this time in all but the settling times [s].
@@ -113,7 +119,7 @@ def simulate_batch(
         NonFiniteError: An input holds NaN or infinity.
     """
     for name in channels:
-        check_choice("channels", name, CHANNELS)
+        check_choice("channels", name, LOGGED)
     threads = _cores() if threads is None else threads
     check_whole("every", every, "ticks from one sample to the next")
     check_whole("threads", threads, "number of threads")

@@ -30,7 +30,7 @@ METRICS = (
     "tau_peak",
     "tau_variation",
 )
-"""Figures of `SimulationResult.metrics`."""
+"""Figures of `SimulationResult.metrics` that a batch keeps up to date."""
 
 _PORTIONS = (
     8  # in which each thread gets its share of the worlds, so that none waits long for the others
@@ -131,8 +131,9 @@ def _run_in_python(i: int, loop: ClosedLoop, log: BatchLog, after: float | None)
         channel[i, : len(samples)] = samples
     log.q[i], log.v[i] = result.q[-1], result.v[-1]
     if after is not None and i not in log.divergence:
-        for name, figure in result.metrics(after=after).items():
-            log.metrics[name][i] = figure
+        figures = result.metrics(after=after)
+        for name, rows in log.metrics.items():
+            rows[i] = figures[name]
 
 
 class _Threads:
@@ -201,7 +202,8 @@ class _Threads:
 
     def _run_portion(self, block: range, portion: list[int], samples: dict[int, Any]) -> None:
         """Run some worlds, in one thread."""
-        from .compiled.world import desk, journal  # noqa: PLC0415
+        from .compiled.log import journal  # noqa: PLC0415
+        from .compiled.world import desk  # noqa: PLC0415
 
         log, plant = self.log, self.loops[portion[0]].plant
         space = desk(plant.nq, plant.nv)

@@ -14,16 +14,19 @@ from .._common.arrays import Array
 from ..control.protocol import Controller
 from ..control.provenance import provenance
 from ..control.snapshot import fingerprint
-from ..control.telemetry import FLAGS
+from ..control.telemetry import CHANNELS
 from ..exceptions import DivergenceError, ParameterError
-from ..interaction import Interaction, Sensor
+from ..interaction import Interaction, Sensor, Sum
 from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory
 from .checkpoint import Checkpoint, RunState
+from .forces import Forces
+from .joint_stops import JointStops
 from .plants import Motion, Plant, RigidPlant
 from .plants.integrators import Integrator
 from .result import SimulationResult
 from .sampling import tick_times
+from .violations import limits_of
 
 SPEED_BOUND = 1e4
 """A joint faster than this has diverged [rad/s or m/s]."""
@@ -34,8 +37,10 @@ STIFF_FRICTION = 0.5
 RK4_STABILITY = 2.7
 """Largest such share that the Runge-Kutta method bears."""
 
-CHANNELS = ("q", "v", "q_r", "e1", "e2", "e_im", "s", "tau", "tau_ext", *FLAGS)
-"""Channels of a `SimulationResult`, besides the time."""
+LOGGED = {c.name: c for c in CHANNELS if c.source != "derived" and c.name != "t"}
+"""Channels that the loop writes at every tick, by name."""
+
+_OUTPUT = tuple(c.name for c in CHANNELS if c.source == "controller")
 
 OnTick: TypeAlias = Callable[[int, int], None]
 """Told (ticks done, ticks in all)."""
@@ -57,6 +62,7 @@ class ClosedLoop:
         ticks: Number of the last tick.
         substeps: Physics steps per control period.
         integrator: Of the plant.
+        stops: Of the plant's joints; None for none.
     """
 
     controller: Controller[Any]
@@ -70,6 +76,12 @@ class ClosedLoop:
     ticks: int
     substeps: int
     integrator: Integrator
+    stops: JointStops | None = None
+
+    @property
+    def acting(self) -> Interaction:
+        """All that pushes on the joints besides the motors: the environment and the stops."""
+        return self.environment if self.stops is None else Sum(self.environment, self.stops)
 
     @property
     def h(self) -> float:
@@ -105,32 +117,41 @@ class ClosedLoop:
             substeps=self.substeps,
             integrator=self.integrator,
             sensor=self.sensor,
-            **self._engine(),
+            **self._options(),
         )
 
-    def _engine(self) -> dict[str, Any]:
-        return {} if self.engine is None else {"engine": self.engine}
+    def _options(self) -> dict[str, Any]:
+        """What most runs do not have."""
+        options = {"engine": self.engine, "joint_stops": self.stops}
+        return {name: value for name, value in options.items() if value is not None}
 
-    def result(self, channels: dict[str, Any], samples: int) -> SimulationResult:
-        """Return the first samples of a log as a result."""
+    def result(
+        self, channels: dict[str, Any], samples: int, diverged: str | None = None
+    ) -> SimulationResult:
+        """Return the first samples of a log as a result, which ended early where a joint has diverged."""
+        origin = provenance(
+            self.controller,
+            self.plant,
+            substeps=self.substeps,
+            integrator=self.integrator,
+            sensor=self.sensor,
+            **self._options(),
+        )
+        if diverged is not None:
+            time = (samples - 1) * self.controller.dt
+            origin["diverged"] = {"time": time, "joint": diverged}
         return SimulationResult(
             t=tick_times(range(samples), self.controller.dt),
             **{name: array[:samples] for name, array in channels.items()},
-            provenance=provenance(
-                self.controller,
-                self.plant,
-                substeps=self.substeps,
-                integrator=self.integrator,
-                sensor=self.sensor,
-                **self._engine(),
-            ),
+            provenance=origin | {"limits": limits_of(self.plant)},
+            forces=Forces(self.environment, self.stops),
             plant=self.plant,
         )
 
     def divergence(self, k: int, joint: int, channels: dict[str, Any]) -> DivergenceError:
         """Return the error of a joint that left every range in the period after tick k."""
         name, time = self.plant.joint_names[joint], k * self.controller.dt
-        return DivergenceError(time, name, self.result(channels, k + 1))
+        return DivergenceError(time, name, self.result(channels, k + 1, name))
 
 
 def run(
@@ -155,7 +176,7 @@ def run(
         told, sensed = sensor.step(sensed, q, v, tau, tau_ext)
         output, state = controller.step(state, q, v, loop.trajectory(t), told)
         tau = output.tau
-        a = plant.acceleration(moved, tau, tau_ext)
+        a = plant.acceleration(moved, tau, tau_ext + period.stop_torque(moved))
         log.write(k, plant.motion(moved), output, controller.impedance_error(output, a), tau_ext)
         if on_tick is not None:
             on_tick(k, loop.ticks)
@@ -170,9 +191,16 @@ class _Period:
     """The plant between two ticks."""
 
     def __init__(self, loop: ClosedLoop) -> None:
-        self.loop = loop
+        self.loop, self.acting = loop, loop.acting
         self.plant: Plant[Any] = loop.engine or RigidPlant(
             loop.plant, loop.integrator, loop.friction_is_stiff()
+        )
+
+    def stop_torque(self, moved: Any) -> Array | float:
+        """What the stops do, as `Plant.external_torque` says for the environment."""
+        stops = self.loop.stops
+        return (
+            0.0 if stops is None else stops.torque(self.loop.plant, 0.0, *self.plant.motion(moved))
         )
 
     def advance(self, k: int, moved: Any, tau: Array, log: _Log) -> Any:
@@ -180,7 +208,7 @@ class _Period:
         loop, h = self.loop, self.loop.h
         for i in range(loop.substeps):
             t = k * loop.controller.dt + i * h
-            moved = self.plant.step(moved, tau, loop.environment, t, h)
+            moved = self.plant.step(moved, tau, self.acting, t, h)
             speed = np.abs(self.plant.motion(moved).v)
             if not (speed < SPEED_BOUND).all():
                 joint = int(np.argmax(speed))  # NaN counts as the largest
@@ -198,23 +226,28 @@ class _Log:
         channels = self.channels
         channels["q"][k], channels["v"][k] = motion
         channels["e_im"][k], channels["tau_ext"][k] = e_im, tau_ext
-        for name in ("q_r", "e1", "e2", "s", "tau", *FLAGS):
+        for name in _OUTPUT:
             channels[name][k] = getattr(output, name)
 
 
 def empty_channels(
-    samples: int, nq: int, nv: int, names: Iterable[str] = CHANNELS
+    samples: int, nq: int, nv: int, names: Iterable[str] = tuple(LOGGED)
 ) -> dict[str, Any]:
-    """Return arrays for channels of a `SimulationResult`, by default all but the time.
+    """Return arrays for channels of a `SimulationResult`, by default all that the loop writes.
 
     All lie in one block: the system hands large blocks out in large pages, which a run fills with far fewer faults.
     """
-    kinds = {name: np.dtype(bool if name in FLAGS else float) for name in names}
-    shapes = {name: (samples, nq if name in ("q", "q_r") else nv) for name in kinds}
-    words = [math.ceil(math.prod(shapes[name]) * kind.itemsize / 8) for name, kind in kinds.items()]
+    channels = [LOGGED[name] for name in names]
+    shapes = [channel.shape(samples, nq, nv) for channel in channels]
+    kinds = [np.dtype(bool if channel.is_flag else float) for channel in channels]
+    words = [
+        math.ceil(math.prod(shape) * kind.itemsize / 8)
+        for shape, kind in zip(shapes, kinds, strict=True)
+    ]
     block = np.empty(sum(words))
-    starts = accumulate(words, initial=0)
     return {
-        name: np.ndarray(shapes[name], kind, block.data, 8 * start)
-        for (name, kind), start in zip(kinds.items(), starts, strict=False)
+        channel.name: np.ndarray(shape, kind, block.data, 8 * start)
+        for channel, shape, kind, start in zip(
+            channels, shapes, kinds, accumulate(words, initial=0), strict=False
+        )
     }

@@ -22,7 +22,9 @@ class EnergyBalance(NamedTuple):
         friction: Energy that joint friction took out, never falling.
         kinetic: ½ vᵀM v.
         potential: Height in the gravity field, zero at the run's start.
-        residual: motors + environment - friction - the gain in kinetic + potential: what sampling and integrator lose.
+        residual: motors + environment + stops - friction - the gain in kinetic + potential: what sampling and
+            integrator lose.
+        stops: Work of the joint stops on the arm; zero without them.
     """
 
     motors: Array
@@ -31,6 +33,7 @@ class EnergyBalance(NamedTuple):
     kinetic: Array
     potential: Array
     residual: Array
+    stops: Array
 
 
 def energy_balance(result: SimulationResult, plant: ArmModel) -> EnergyBalance:
@@ -60,10 +63,11 @@ def energy_balance(result: SimulationResult, plant: ArmModel) -> EnergyBalance:
     steps = np.diff(result.t)
     motors = _sum(np.sum(result.tau[:-1] * _mean_moved(result, moved), axis=1))
     environment = _sum(steps * _midpoints(np.sum(result.tau_ext * result.v, axis=1)))
+    stops = _sum(steps * _midpoints(np.sum(result.tau_stop * result.v, axis=1)))
     friction = _sum(steps * _midpoints(lost))
     potential = _sum(np.sum(_midpoints(gravity) * moved, axis=1))
-    residual = motors + environment - friction - (kinetic - kinetic[0]) - potential
-    return EnergyBalance(motors, environment, friction, kinetic, potential, residual)
+    residual = motors + environment + stops - friction - (kinetic - kinetic[0]) - potential
+    return EnergyBalance(motors, environment, friction, kinetic, potential, residual, stops)
 
 
 def _mean_moved(result: SimulationResult, moved: Array) -> Array:

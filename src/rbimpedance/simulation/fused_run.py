@@ -49,7 +49,8 @@ class _FusedRun:
     """One run."""
 
     def __init__(self, loop: ClosedLoop, world: World) -> None:
-        from .compiled.world import desk, journal  # noqa: PLC0415 (Numba is loaded when needed)
+        from .compiled.log import journal  # noqa: PLC0415 (Numba is loaded when needed)
+        from .compiled.world import desk  # noqa: PLC0415
 
         self.loop, self.world = loop, world
         nq, nv = loop.plant.nq, loop.plant.nv

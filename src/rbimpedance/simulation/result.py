@@ -2,42 +2,28 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
-from uuid import uuid4
 
 import numpy as np
 
 from .._common.arrays import Array, BoolArray
 from .._common.deprecation import renamed_attribute
 from .._common.leaf import leaf
-from ..control.telemetry import FLAGS
+from ..control.telemetry import CHANNELS
 from ..exceptions import ModelError, ParameterError
 from ..interaction import EnvironmentLike
 from ..robot.arm_model import ArmModel
+from . import result_file
+from .forces import Forces
+from .verdict import Verdict, growth, verdict_of
+from .violations import Excess, excess
 
 SETTLING_TOLERANCES = (1e-2, 1e-3, 1e-4)
 """Errors whose settling times are reported [rad or m]."""
-
-UNITS = {
-    "t": "s",
-    "q": "rad or m; (cos, sin) on continuous joints",
-    "v": "rad/s or m/s",
-    "q_r": "as q",
-    "e1": "rad or m",
-    "e2": "rad/s or m/s",
-    "e_im": "N·m or N",
-    "s": "rad/s or m/s",
-    "tau": "N·m or N",
-    "tau_ext": "N·m or N",
-} | dict.fromkeys(FLAGS, "bool")
-"""Unit of every channel."""
-
-_FORMAT = 2
 
 
 class Animation(Protocol):
@@ -85,6 +71,7 @@ class SimulationResult:
         reference_limited: Whether a `ReferenceGuard` holds its reference back, shape (N, nv), bool.
         provenance: What produced it: versions, model names and digests, gains, periods.
         plant: The simulated arm, for pictures; None in a result from a file, which does not hold it.
+        forces: What pushed on it, for `wrench` and `tau_stop`; None in a result from a file or another process.
     """
 
     t: Array
@@ -103,6 +90,47 @@ class SimulationResult:
     reference_limited: BoolArray
     provenance: Mapping[str, Any]
     plant: ArmModel | None = None
+    forces: Forces | None = field(default=None, repr=False)
+    _derived: dict[str, Array] = field(default_factory=dict, init=False, repr=False)
+
+    def __repr__(self) -> str:
+        name = self.provenance.get("plant", {}).get("name", "")
+        size = f"{len(self.t)} samples of {self.v.shape[1]} joints, t = {self.t[0]:g} to {self.t[-1]:g} s"
+        return f"SimulationResult({name!r}, {size}:\n    {self.verdict()})"
+
+    @property
+    def wrench(self) -> Array:
+        """Wrench of the environment at the tool frame, in world axes, shape (N, 6) [N, N·m].
+
+        Force and moment on the robot of all that acts at frames (`FrameWrench`, `Wall`, `Push`), the moment about the
+        tool frame's origin: for a `Wall` at the tool, its contact force. Zero where nothing acts at a frame, and for a
+        `JointTorque`, which is no wrench. NaN for an interaction of one's own without `wrenches`, and in files of
+        versions that did not log it. Contacts that a plant has by itself are in `tau_ext` only.
+        """
+        return self._derive("wrench")
+
+    @property
+    def tau_stop(self) -> Array:
+        """Torque of the joint stops, shape (N, nv) [N·m or N]; zero without stops, NaN in files without it."""
+        return self._derive("tau_stop")
+
+    def _derive(self, name: str) -> Array:
+        if name not in self._derived:
+            if self.forces is None or self.plant is None:
+                samples = len(self.t), self.q.shape[1], self.v.shape[1]
+                (channel,) = (c for c in CHANNELS if c.name == name)
+                array = np.full_like(channel.empty(*samples), np.nan)
+            elif name == "wrench":
+                array = self.forces.wrench(self.plant, self.t, self.q, self.v)
+            else:
+                array = self.forces.tau_stop(self.plant, self.q, self.v)
+            self._derived[name] = array
+        return self._derived[name]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave what pushed on the arm, which may be functions, behind."""
+        derived = {name: self._derive(name) for name in ("wrench", "tau_stop")}
+        return self.__dict__ | {"forces": None, "_derived": derived}
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -115,6 +143,9 @@ class SimulationResult:
         `e1_max`, `e1_rms` (and so for e2 and e_im): largest and root-mean-square absolute value.
         `settling_1e-2`, `_1e-3`, `_1e-4`: first time from which abs(e1) stays within that [s]; infinite if never.
         `tau_peak`: largest absolute torque. `tau_variation`: total variation of the torque per second [N·m/s].
+        `position_violations`, `velocity_violations`, `effort_violations`: number of samples beyond the arm's limit;
+        `position_excess` and so on: how far beyond at most, 0 inside (`excess` says when).
+        `e1_growth`: rms error of the last quarter relative to that of the one before; 1 where both are zero.
 
         Args:
             after: Leave out the samples before this time [s] (settling times always look at the whole run).
@@ -137,7 +168,37 @@ class SimulationResult:
         tau, span = self.tau[kept], self.t[kept][-1] - self.t[kept][0]
         figures["tau_peak"] = np.abs(tau).max(axis=0)
         figures["tau_variation"] = np.abs(np.diff(tau, axis=0)).sum(axis=0) / span
+        for name, beyond in excess(self)._asdict().items():
+            figures[f"{name}_violations"] = np.count_nonzero(beyond[kept] > 0.0, axis=0).astype(
+                float
+            )
+            figures[f"{name}_excess"] = np.maximum(beyond[kept].max(axis=0), 0.0)
+        figures["e1_growth"] = growth(self)
         return figures
+
+    def excess(self) -> Excess:
+        """Return how far every joint is beyond its position, velocity and effort limit at every sample.
+
+        Negative inside, -inf where there is no limit, or where a file does not say them: `excess().position > 0` says
+        when which joint was outside.
+        """
+        return excess(self)
+
+    def verdict(self) -> Verdict:
+        """Return whether the run lost its arm, and why; as text it is one sentence.
+
+        An arm is lost if
+        - a joint diverged: the run ended with a `DivergenceError`, whose `result` this is;
+        - a joint was more than 0.01 rad or m beyond its position limit, and beyond where it began;
+        - its error is large and does not fall: in the last quarter of the run, the root-mean-square of e1 is above
+          0.05 rad or m plus a quarter of the range of the joint's reference, at most 0.5, and above 0.8 times that of
+          the quarter before;
+        - a torque passed the effort limit of its joint: no motor could have done it.
+
+        A joint that only touches its stop, saturates within its limit, or is still on its way from a far start is not
+        lost; neither is one that was faster than its velocity limit, which `metrics` counts.
+        """
+        return verdict_of(self)
 
     def settling_time(self, tolerance: float) -> Array:
         """Return the first time from which abs(e1) stays within a tolerance, shape (nv,) [s]; infinite if never.
@@ -203,25 +264,14 @@ class SimulationResult:
         Returns:
             The path that was written.
         """
-        target = Path(path)
-        if target.suffix != ".npz":
-            target = target.with_name(target.name + ".npz")
-        header = {"format": _FORMAT, "units": UNITS, "provenance": self.provenance}
-        arrays = {name: getattr(self, name) for name in UNITS}
-        part = target.with_name(f"{target.name}.{uuid4().hex}.part")
-        try:
-            with part.open("xb") as file:
-                np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
-                file.flush()
-                os.fsync(file.fileno())
-            part.replace(target)
-        finally:
-            part.unlink(missing_ok=True)
-        return target
+        arrays = {channel.name: getattr(self, channel.name) for channel in CHANNELS}
+        return result_file.write(path, result_file.Content(arrays, self.provenance))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> SimulationResult:
-        """Read a result that `save` wrote.
+        """Read a result that `save` wrote, in this version or an earlier one.
+
+        Channels that the earlier version did not log are NaN, flags False.
 
         Args:
             path: The npz file.
@@ -229,22 +279,16 @@ class SimulationResult:
         Raises:
             ModelError: The file is missing, damaged, or not a result of this library.
         """
+        content = result_file.read(path)
         try:
-            with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
-                header = json.loads(str(archive["header"]))
-                if header["format"] != _FORMAT:
-                    raise ModelError(
-                        f"'{path}' has result format {header['format']}; this version reads {_FORMAT}"
-                    )
-                arrays = {name: archive[name] for name in UNITS}
-                return cls(**arrays, provenance=header["provenance"])
-        except FileNotFoundError as error:
-            raise ModelError(f"no result file '{path}'") from error
-        except ModelError:
-            raise
-        except Exception as error:
+            arrays = result_file.with_unknown(content.arrays)
+            derived = {c.name: arrays.pop(c.name) for c in CHANNELS if c.source == "derived"}
+        except KeyError as error:
             raise ModelError(
                 f"'{path}' is not a whole result file written by SimulationResult.save"
             ) from error
+        result = cls(**arrays, provenance=content.provenance)
+        result._derived.update(derived)
+        return result
 
     held = renamed_attribute("held", "reference_limited")

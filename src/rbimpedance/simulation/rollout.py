@@ -40,7 +40,8 @@ def run_compiled(
     world = verified_world(loop, {}, STATES)
     if world is None:
         return None
-    from .compiled.world import desk, journal  # noqa: PLC0415 (Numba is loaded when needed)
+    from .compiled.log import journal  # noqa: PLC0415 (Numba is loaded when needed)
+    from .compiled.world import desk  # noqa: PLC0415
 
     nq, nv, dt = loop.plant.nq, loop.plant.nv, loop.controller.dt
     channels, space = empty_channels(loop.ticks + 1, nq, nv), desk(nq, nv)
@@ -117,6 +118,8 @@ def reason_against(loop: ClosedLoop) -> str | None:
     """Return what of a loop has no compiled form, in words, or None; what arms have none, the tables say."""
     if loop.engine is not None:
         return f"its {type(loop.engine).__name__}"
+    if loop.stops is not None:
+        return "its joint stops"
     for part, kind in ((loop.controller, ImpedanceController), (loop.sensor, Perfect)):
         if type(part) is not kind:
             return f"its {type(part).__name__}"

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import positive_number, vector
+from ..control.errors import check_reference
 from ..control.protocol import Backend, Controller
 from ..exceptions import ParameterError
 from ..interaction import EnvironmentLike, Perfect, Sensor, as_interaction
@@ -17,6 +18,7 @@ from ..trajectories import Trajectory
 from .checkpoint import Checkpoint
 from .closed_loop import ClosedLoop, OnTick, run
 from .fused_run import run_fused
+from .joint_stops import JointStops
 from .plants import Plant
 from .plants.integrators import INTEGRATORS, Integrator
 from .result import SimulationResult
@@ -36,6 +38,7 @@ def simulate(
     substeps: int = 4,
     integrator: Integrator = "semi-implicit",
     backend: Backend = "pinocchio",
+    joint_stops: bool | JointStops = False,
     on_tick: OnTick | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> SimulationResult:
@@ -53,7 +56,7 @@ def simulate(
             frame in world axes, constant or as a function of time.
         sensor: What tells the controller the environment's torque: late, filtered, or estimated without a force sensor.
             The truth by default. The result logs the truth; `replay_sensor` gives what was told.
-        q0: Initial configuration, shape (nq,); `plant.neutral` by default.
+        q0: Initial configuration, shape (nq,); where the trajectory begins by default.
         v0: Initial velocity, shape (nv,); at rest by default.
         duration: Length of the run [s], a multiple of the control period.
         substeps: Physics steps per control period, a positive whole number.
@@ -63,6 +66,9 @@ def simulate(
             every `Interaction` of the library, and no sensor. Trajectory and functions of time are then sampled ahead,
             some thousand steps at once. What has no compiled form is run in Python; the logger "rbimpedance" says so,
             once.
+        joint_stops: Whether the joints have stops at the plant's position limits: stiff springs with dampers, see
+            `JointStops`, or stops of one's own. Without them a joint swings through its limit; `result.verdict()` says
+            so. Such a run is done in Python.
         on_tick: Called with (ticks done, ticks in all), for a progress bar: at every tick, or every few thousand
             physics steps of a compiled run.
         checkpoint: Where the run keeps what it has so far, and goes on from where one was killed.
@@ -90,6 +96,7 @@ def simulate(
         duration=duration,
         substeps=substeps,
         integrator=integrator,
+        joint_stops=joint_stops,
     )
     run_fast = run_compiled if backend == "compiled" else run_fused
     result = run_fast(loop, on_tick, checkpoint)
@@ -108,6 +115,7 @@ def closed_loop(
     duration: float,
     substeps: int,
     integrator: Integrator,
+    joint_stops: bool | JointStops = False,
 ) -> ClosedLoop:
     """Return the checked parts of a run; arguments and errors are those of `simulate`."""
     ticks = _number_of_ticks(duration, controller.dt)
@@ -117,7 +125,8 @@ def closed_loop(
     if (controller.arm.nq, controller.arm.nv) != (arm.nq, arm.nv):
         words = f"an arm with the controller's nq, nv = {controller.arm.nq}, {controller.arm.nv}"
         raise ParameterError("plant", repr(plant), words)
-    q = arm.neutral if q0 is None else arm.check_configuration("q0", q0)
+    begin = check_reference(controller.arm, trajectory(0.0)).q if q0 is None else q0
+    q = arm.check_configuration("q0", begin)
     return ClosedLoop(
         controller=controller,
         plant=arm,
@@ -130,7 +139,16 @@ def closed_loop(
         ticks=ticks,
         substeps=substeps,
         integrator=integrator,
+        stops=_stops(joint_stops, arm, controller.dt / substeps),
     )
+
+
+def _stops(joint_stops: bool | JointStops, arm: ArmModel, h: float) -> JointStops | None:
+    if isinstance(joint_stops, JointStops):
+        return joint_stops
+    if not isinstance(joint_stops, bool):
+        raise ParameterError("joint_stops", joint_stops, "True, False or JointStops")
+    return JointStops.at_limits(arm, h) if joint_stops else None
 
 
 def check_choice(name: str, value: str, choices: Iterable[str]) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from .._common.arrays import Array, positive_number
+from .._common.brief import brief_repr
 from .._common.suggestions import suggest
 from ..control.imperfect import whole_number
 from ..control.protocol import Controller
@@ -29,6 +30,7 @@ def unchanged(controller: Controller[Any]) -> Controller[Any]:
     return controller
 
 
+@brief_repr()
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Task:
     """What a controller is made for, and all that it may know.
@@ -64,6 +66,7 @@ class Task:
         return self.proposal
 
 
+@brief_repr()
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Experiment:
     """What a controller is put through; the controller is told none of it.
@@ -73,7 +76,7 @@ class Experiment:
         trajectory: Desired motion.
         wrench: Environment, as in `simulate`.
         sensor: What tells the controller of the environment; the truth by default.
-        q0: Initial configuration, shape (nq,); the plant's neutral one by default.
+        q0: Initial configuration, shape (nq,); where the trajectory begins by default.
         wrap: Puts the sensors and actuators around a controller that are part of the disturbance.
         substeps: Physics steps per control period, where the plant needs others than the study has.
         inputs: What was drawn, by name; columns `input_*` of the table.
@@ -113,6 +116,7 @@ class Experiment:
         )
 
 
+@brief_repr()
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Study:
     """Robots × disturbances × samples × controllers.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import functools
 import hashlib
 import inspect
@@ -11,6 +12,8 @@ import re
 import textwrap
 from collections.abc import Callable, Mapping
 from typing import Any
+
+import numpy as np
 
 from .chunk import versions
 from .definition import Study
@@ -74,6 +77,11 @@ def _told(value: Any, depth: int = 0) -> Any:
         return [value.__module__, value.__qualname__, _source(value), enclosed]
     if isinstance(value, tuple | list):
         return [_told(part, depth + 1) for part in value]
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        fields = [getattr(value, f.name) for f in dataclasses.fields(value) if f.name[0] != "_"]
+        return [type(value).__qualname__, *(_told(field, depth + 1) for field in fields)]
+    if isinstance(value, np.ndarray):
+        return value.tolist()
     if isinstance(value, type):
         return [value.__module__, value.__qualname__]
     return _ADDRESS.sub("", repr(value))

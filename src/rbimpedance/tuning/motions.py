@@ -8,11 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from .._common.arrays import Array, positive_number
+from .._common.brief import brief_repr
 from ..robot.arm_model import ArmModel
 from ..trajectories import Reference, Trajectory
 from .ranges import size
 
 
+@brief_repr()
 @dataclass(frozen=True)
 class MotionMargin:
     """How far motions leave the trajectory: tracking errors, and what pushes do to the impedance reference.

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, per_joint, positive_number
+from .._common.brief import brief_repr
 from .._common.deprecation import renamed_attribute
 from ..control.controller import ImpedanceController
 from ..control.imperfect import whole_number
@@ -30,6 +31,7 @@ from .uncertainty import Uncertainty
 from .worst_case import ExtremeCase
 
 
+@brief_repr("feasible", "reason", "arm", "k1", "k2", "error")
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GainProposal:
     """Gains for an arm with an uncertainty, or the reason why there are none; arrays have shape (nv,).
@@ -161,7 +163,7 @@ def propose_gains(
         dt: Control period [s].
         impedance: Target impedance that the samples are simulated with; M_d = 1, D_d = 10, K_d = 20 by default.
         surface: Sliding surface; by default a fast terminal one with the smoothing that leaves the smallest error.
-        q0: Initial configuration, shape (nq,); `arm.neutral` by default.
+        q0: Initial configuration, shape (nq,); `arm.ready` by default.
         spread: How far motions leave the trajectory; give the acceleration of pushes where the arm will be pushed.
         limits: `Limits` of the actuators or an array-like of torque limits, such as `arm.effort_limit`: the motion has
             to be possible within them on every plant, and the controller keeps them. None for none.
@@ -199,7 +201,7 @@ def propose_gains(
         limits=_checked_limits(limits, arm.nv),
         backend=backend,
     )
-    q0 = np.array(arm.neutral if q0 is None else arm.check_configuration("q0", q0))
+    q0 = np.array(arm.ready if q0 is None else arm.check_configuration("q0", q0))
     measured = measure_task(task)
     target = _usual_impedance() if impedance is None else impedance
     return _proposal(task, check(task, measured, target, q0, on_tick))

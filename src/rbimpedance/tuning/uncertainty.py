@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, per_joint
+from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..control.imperfect import whole_number
 from ..robot.arm_model import ArmModel
@@ -19,6 +20,7 @@ CORNERS = 16
 """At most this many extremes are among the first samples."""
 
 
+@brief_repr(omit_defaults=True)
 @dataclass(frozen=True, eq=False, init=False)
 class Uncertainty:
     """Ranges of what the controller's model may be wrong about; everything is as the arm's model says by default.

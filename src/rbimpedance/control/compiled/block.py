@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._common.arrays import Array, BoolArray
+from ..._common.arrays import Array
 from ..._common.deprecation import renamed_attribute
+from ..telemetry import FLAGS as FLAG_NAMES
 from ..telemetry import ControllerOutput, ControllerState
 
 # Columns of a block, one row a joint.
@@ -25,6 +26,9 @@ COLUMNS = 20
 
 SATURATED, GUARANTEED, RATE_LIMITED, CLIPPED, PAIR = 1, 2, 4, 8, 16
 """Bits of `FLAGS`; `PAIR`: the joint has two entries of q."""
+
+BIT_OF = {"saturated": SATURATED, "rate_limited": RATE_LIMITED, "clipped": CLIPPED}
+"""Bits of the flags by name; those that no compiled tick sets have none."""
 
 _STATE = {
     "q_e": NEXT_Q_E,
@@ -135,15 +139,9 @@ class PackedOutput(_Packed):
     tau, v_r, a_r = _column(TAU), _column(V_R), _column(A_R)
     e1, e2, s, u = _column(E1), _column(E2), _column(S), _column(U)
     q_e, v_e = _column(Q_E), _column(V_E)
-    saturated, premise_holds = _flag(SATURATED), _flag(GUARANTEED)
-    rate_limited, clipped = _flag(RATE_LIMITED), _flag(CLIPPED)
+    premise_holds = _flag(GUARANTEED)
     guaranteed = renamed_attribute("guaranteed", "premise_holds")
     held = renamed_attribute("held", "reference_limited")
-
-    @property
-    def reference_limited(self) -> BoolArray:
-        """False: only a `ReferenceGuard` holds a joint back."""
-        return np.zeros(len(self.rows), dtype=np.bool_)
 
     @property
     def q_r(self) -> Array:
@@ -152,3 +150,7 @@ class PackedOutput(_Packed):
         second = (_flags(self) & PAIR) != 0
         q_r: Array = pairs[np.column_stack([np.ones_like(second), second])]
         return q_r
+
+
+for _name in FLAG_NAMES:
+    setattr(PackedOutput, _name, _flag(BIT_OF.get(_name, 0)))

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..._common.arrays import Array, gain, positive_number, vector
+from ..._common.brief import brief_repr
 from ..._common.frozen import set_fields
 from ...exceptions import ParameterError
 from ...interaction import Sensor
@@ -50,6 +51,7 @@ class TankState(NamedTuple):
     share: float
 
 
+@brief_repr("capacity", "start", "refill", "observer", "controller")
 @dataclass(frozen=True, eq=False, init=False)
 class EnergyTank(ControllerWrapper[TankState, ControllerOutput]):
     """A controller whose impedance gives out no more energy than it was given, plus what is in a tank.

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..._common.arrays import Array, is_finite, per_joint, positive_number
+from ..._common.brief import brief_repr
 from ..._common.frozen import set_fields
 from ...exceptions import InputError, ParameterError
 from ...law.limits import Limits, as_limits
 from ...robot.arm_model import ArmModel
 from ...trajectories import Reference
-from ..protocol import LONGEST_PERIOD, Controller
+from ..protocol import LONGEST_PERIOD, WrappableController
 from ..telemetry import Situation
 from ..wrapper import ControllerWrapper
 from .belief import Belief, Believer
@@ -30,6 +31,7 @@ from .input_monitor import Monitor
 from .soft_start import SoftStart, SoftStartState
 
 
+@brief_repr("policy", "limits", "controller")
 @dataclass(frozen=True, eq=False, init=False)
 class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
     """A controller that meets faults with a policy; what leaves it is finite and within the limits, always.
@@ -96,7 +98,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
 
     def __init__(
         self,
-        controller: Controller[Any],
+        controller: WrappableController[Any],
         policy: Policy = "stop",
         *,
         limits: Limits | ArrayLike | None = None,

@@ -9,7 +9,7 @@ import numpy as np
 from ..._common.arrays import Array
 from ...robot.arm_model import ArmModel
 from ...trajectories import Reference
-from ..telemetry import ControllerOutput
+from ..telemetry import ControllerOutput, flags
 from .belief import Belief
 from .effect_monitor import EffectState
 from .faults import Fault
@@ -124,7 +124,7 @@ def without_controller(arm: ArmModel, state: FaultGuardState, tau: Array) -> Con
     q_r = arm.raw_dynamics.integrate(q_d, state.q_e)
     v_r = v_d + state.v_e
     e1 = arm.raw_dynamics.difference(state.known.q, q_r)
-    zero, none = np.zeros_like(tau), np.zeros(tau.shape, dtype=np.bool_)
+    zero = np.zeros_like(tau)
     return ControllerOutput(
         tau.copy(),
         *(q_r, v_r, a_d.copy(), e1, v_r - state.known.v),
@@ -132,9 +132,6 @@ def without_controller(arm: ArmModel, state: FaultGuardState, tau: Array) -> Con
         u=zero.copy(),
         q_e=state.q_e.copy(),
         v_e=state.v_e.copy(),
-        saturated=none,
-        rate_limited=none.copy(),
-        premise_holds=none.copy(),
-        clipped=none.copy(),
-        reference_limited=none.copy(),
+        premise_holds=np.zeros(arm.nv, dtype=np.bool_),
+        **flags(arm.nv),
     )

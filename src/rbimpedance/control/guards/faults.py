@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..._common.arrays import Array, gain, per_joint, real
+from ..._common.brief import brief_repr
 from ..._common.frozen import set_fields
 from ...exceptions import InputError, ParameterError
 from ...robot.arm_model import ArmModel
@@ -68,6 +69,7 @@ class FaultError(InputError):
         return self.fault.message
 
 
+@brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
 class OperatingRange:
     """The measurements that an arm can give while all is well.

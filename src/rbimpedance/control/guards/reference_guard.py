@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..._common.arrays import Array, BoolArray, gain, per_joint, positive_number
+from ..._common.brief import brief_repr
 from ..._common.frozen import set_fields
 from ...exceptions import ParameterError
 from ...law.impedance import TargetFilter
 from ...robot.arm_model import ArmModel
 from ...trajectories import Reference
 from ..errors import check_reference, track
-from ..protocol import Controller
+from ..protocol import WrappableController
 from ..telemetry import ControllerOutput, Situation
 from ..wrapper import ControllerWrapper
 
@@ -40,6 +41,7 @@ class GuardState(NamedTuple):
     reference_limited: BoolArray
 
 
+@brief_repr("lower", "upper", "velocity", "controller")
 @dataclass(frozen=True, eq=False, init=False)
 class ReferenceGuard(ControllerWrapper[GuardState, ControllerOutput]):
     """A controller whose impedance reference stays within position and velocity limits.
@@ -82,7 +84,7 @@ class ReferenceGuard(ControllerWrapper[GuardState, ControllerOutput]):
 
     def __init__(
         self,
-        controller: Controller[Any],
+        controller: WrappableController[Any],
         *,
         margin: ArrayLike = 0.0,
         velocity: ArrayLike | None = None,

@@ -13,7 +13,7 @@ from ..._common.frozen import set_fields
 from ...law.limits import Limits
 from ...trajectories import Reference
 from ..errors import check_measurements
-from ..protocol import LONGEST_PERIOD, Controller
+from ..protocol import LONGEST_PERIOD, WrappableController
 from ..telemetry import ControllerOutput, Situation
 from ..wrapper import ControllerWrapper
 from .faults import FASTEST
@@ -92,7 +92,7 @@ class SoftStart(ControllerWrapper[SoftStartState, ControllerOutput]):
 
     def __init__(
         self,
-        controller: Controller[Any],
+        controller: WrappableController[Any],
         duration: float = 1.0,
         *,
         velocity: ArrayLike | None = None,

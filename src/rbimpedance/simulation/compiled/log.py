@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -10,19 +11,21 @@ from numpy.typing import NDArray
 from ..._common.arrays import Array
 from ..._numba.compile import fused, inline
 from ...control.compiled.block import (
-    CLIPPED,
+    BIT_OF,
     E1,
     E2,
     FLAGS,
     Q_R,
     Q_R_SIN,
-    RATE_LIMITED,
-    SATURATED,
     TAU,
     S,
 )
+from ...control.telemetry import FLAGS as FLAG_NAMES
 from ...robot.compiled.tables import CONTINUOUS, KIND, Q_INDEX, ArmTables
 from .plant import Motion
+
+COLUMN_OF = {"e1": E1, "e2": E2, "s": S, "tau": TAU}
+"""Where a tick's block keeps the channels of the controller."""
 
 
 class RunLog(NamedTuple):
@@ -32,33 +35,47 @@ class RunLog(NamedTuple):
         q: Shape (samples, nq), and so q_r; all others (samples, nv).
         v: Velocity.
         q_r: Impedance reference.
-        e1: Position error.
-        e2: Velocity error.
         e_im: Impedance error.
-        s: Sliding variable.
-        tau: Motor torque.
         tau_ext: Torque of the environment.
-        saturated: 1 where the joint is at its torque limit.
-        rate_limited: 1 where its torque may not change faster.
-        clipped: 1 where its surface sees less than the whole error.
-        reference_limited: 0: what holds references back has no compiled form.
+        columns: Channels that are columns of the block, in the order of `COLUMN_OF`.
+        flags: Flags, in the order of the table of channels.
+        column_of: Column of each of the former, shape (len(columns),).
+        bit_of: Bit of each of the latter, 0 where none is ever set, shape (len(flags),).
         every: Ticks from one sample to the next, shape (1,).
     """
 
     q: Array
     v: Array
     q_r: Array
-    e1: Array
-    e2: Array
     e_im: Array
-    s: Array
-    tau: Array
     tau_ext: Array
-    saturated: NDArray[np.uint8]
-    rate_limited: NDArray[np.uint8]
-    clipped: NDArray[np.uint8]
-    reference_limited: NDArray[np.uint8]
+    columns: tuple[Array, ...]
+    flags: tuple[NDArray[np.uint8], ...]
+    column_of: NDArray[np.int64]
+    bit_of: NDArray[np.int64]
     every: NDArray[np.int64]
+
+
+def journal(channels: Mapping[str, Array], every: int = 1) -> RunLog:
+    """Return a journal that writes to the given arrays.
+
+    Args:
+        channels: Arrays (samples, nq or nv) by name of the channel; what is missing is not written.
+        every: Ticks from one sample to the next.
+    """
+    unwanted, no_flag = np.zeros((0, 1)), np.zeros((0, 1), dtype=np.bool_)
+    return RunLog(
+        q=channels.get("q", unwanted),
+        v=channels.get("v", unwanted),
+        q_r=channels.get("q_r", unwanted),
+        e_im=channels.get("e_im", unwanted),
+        tau_ext=channels.get("tau_ext", unwanted),
+        columns=tuple(channels.get(name, unwanted) for name in COLUMN_OF),
+        flags=tuple(channels.get(name, no_flag).view(np.uint8) for name in FLAG_NAMES),
+        column_of=np.array(list(COLUMN_OF.values())),
+        bit_of=np.array([BIT_OF.get(name, 0) for name in FLAG_NAMES]),
+        every=np.array([every]),
+    )
 
 
 class Figures(NamedTuple):
@@ -122,20 +139,16 @@ def write(
     _put_vector(journal.v, i, motion.v)
     _put_vector(journal.e_im, i, e_im)
     _put_vector(journal.tau_ext, i, motion.tau_ext)
-    _put_column(journal.e1, i, block, E1)
-    _put_column(journal.e2, i, block, E2)
-    _put_column(journal.s, i, block, S)
-    _put_column(journal.tau, i, block, TAU)
+    for c in range(len(journal.columns)):
+        _put_column(journal.columns[c], i, block, journal.column_of[c])
     if len(journal.q_r):
         for j in range(len(block)):
             k = arm.topology[j, Q_INDEX]
             journal.q_r[i, k] = block[j, Q_R]
             if arm.topology[j, KIND] == CONTINUOUS:
                 journal.q_r[i, k + 1] = block[j, Q_R_SIN]
-    _put_flag(journal.saturated, i, block, SATURATED)
-    _put_flag(journal.rate_limited, i, block, RATE_LIMITED)
-    _put_flag(journal.clipped, i, block, CLIPPED)
-    _put_flag(journal.reference_limited, i, block, 0)
+    for c in range(len(journal.flags)):
+        _put_flag(journal.flags[c], i, block, journal.bit_of[c])
 
 
 @inline

@@ -272,4 +272,6 @@ def own_type(value: Any) -> types.Type:
     """Return the type of an array that the package itself has made, or of a named tuple of such."""
     if isinstance(value, np.ndarray):
         return Borrowed(from_dtype(value.dtype), value.ndim, trusted=True)
+    if type(value) is tuple:  # of arrays of one kind
+        return types.UniTuple(own_type(value[0]), len(value))
     return types.NamedTuple([own_type(part) for part in value], type(value))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -11,7 +10,6 @@ from ..._common.arrays import Array
 from ...control.compiled.block import COLUMNS
 from ...control.compiled.kernels import DT
 from ...control.compiled.pack import can_pack, pack_law, scratch
-from ...control.telemetry import FLAGS
 from ...interaction import Interaction
 from ...law.impedance import ImpedanceFilter
 from ...robot.arm_model import ArmModel
@@ -207,19 +205,6 @@ def desk(nq: int, nv: int) -> TickWorkspace:
     return TickWorkspace(
         scratch(nv), workspace(nv), workspace(nv), stages, np.zeros(nq), *np.zeros((3, nv))
     )
-
-
-def journal(channels: Mapping[str, Array], every: int = 1) -> RunLog:
-    """Return a journal that writes to the given arrays.
-
-    Args:
-        channels: Arrays (samples, nq or nv) by name of the channel; what is missing is not written.
-        every: Ticks from one sample to the next.
-    """
-    arrays: dict[str, Any] = {name: np.zeros((0, 1)) for name in RunLog._fields}
-    arrays |= {name: np.zeros((0, 1), dtype=np.bool_) for name in FLAGS} | dict(channels)
-    arrays |= {name: arrays[name].view(np.uint8) for name in FLAGS} | {"every": np.array([every])}
-    return RunLog(**arrays)
 
 
 def reason_against_parts(controller: Any, interaction: Interaction) -> str | None:

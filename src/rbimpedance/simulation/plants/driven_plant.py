@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..._common.arrays import Array, BoolArray, not_negative
+from ..._common.brief import brief_repr
 from ..._common.frozen import set_fields
 from ...exceptions import ParameterError
 from ...interaction import Interaction
@@ -37,6 +38,7 @@ class DrivenState(NamedTuple):
     rotor_velocity: Array
 
 
+@brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
 class DrivenPlant:
     """Links behind drives: motors whose torque lags and ripples, on rotors that turn the links through springs.

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..._common.arrays import Array, positive_number
+from ..._common.brief import brief_repr
 from ..._common.frozen import set_fields
 from ...exceptions import ModelError, ParameterError
 from ...interaction import Interaction
@@ -39,6 +40,7 @@ class MujocoState(NamedTuple):
     contact: Array
 
 
+@brief_repr()
 @dataclass(frozen=True, eq=False)
 class MujocoPlant:
     """Rigid links, moved by MuJoCo (optional extra "mujoco"), which reads the arm's URDF with a reader of its own.

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._common.arrays import Array
+from ..._common.brief import brief_repr
 from ...interaction import Interaction
 from ...robot.arm_model import ArmModel
 from .integrators import INTEGRATORS, Integrator
 from .protocol import Motion
 
 
+@brief_repr()
 @dataclass(frozen=True, eq=False)
 class RigidPlant:
     """Rigid links, moved by ABA; what `simulate` makes of an `ArmModel`. Its state is their motion.

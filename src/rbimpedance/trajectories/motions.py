@@ -1,107 +1,104 @@
-"""References for the controller: a trajectory is a callable t -> `Reference`."""
+"""Motions by formula: stand still, swing, pass from rest to rest."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._common.arrays import Array, per_joint, positive, real, vector
-from .exceptions import DimensionError, ParameterError
-from .robot.arm_model import ArmModel
+from .._common.arrays import Array, per_joint, positive, real, vector
+from ..exceptions import DimensionError, ParameterError
+from ..robot.arm_model import ArmModel
+from .limits import amplitude_within_limits, check_positions, joint_positions, warn_of_speeds
+from .reference import Reference, Sampled, SampledTrajectory, integrate_each
 
 
-class Reference(NamedTuple):
-    """Desired motion at one instant.
-
-    Attributes:
-        q: Configuration q_d, shape (nq,).
-        v: Velocity, shape (nv,) [rad/s or m/s].
-        a: Acceleration, shape (nv,) [rad/s² or m/s²].
-    """
-
-    q: Array
-    v: Array
-    a: Array
-
-
-Trajectory: TypeAlias = Callable[[float], Reference]
-"""Maps a time [s] to the desired motion."""
-
-
-@runtime_checkable
-class SampledTrajectory(Protocol):
-    """A trajectory that gives many samples at once, in less time than one by one; those of this module do."""
-
-    def __call__(self, t: float) -> Reference:
-        """Return the desired motion at a time [s]."""
-
-    def sample(self, times: Array) -> Reference:
-        """Return the desired motion at n times [s]: arrays of n rows, or of one row for all where nothing changes."""
-
-
-def hold(arm: ArmModel, q: ArrayLike | None = None) -> Trajectory:
+def hold(
+    arm: ArmModel, q: ArrayLike | None = None, *, check_limits: bool = True
+) -> SampledTrajectory:
     """Stay at a configuration.
 
     Args:
         arm: The arm.
-        q: Configuration, shape (nq,); `arm.neutral` by default.
+        q: Configuration, shape (nq,); `arm.ready` by default.
+        check_limits: Whether a configuration outside the position limits is refused.
 
     Raises:
         DimensionError: Wrong shape or kind.
         NonFiniteError: q holds NaN or infinity.
+        JointLimitError: q lies outside the position limits.
     """
-    q = np.array(arm.neutral if q is None else arm.check_configuration("q", q))
-    return _Hold(q, np.zeros(arm.nv))
+    q = np.array(arm.ready if q is None else arm.check_configuration("q", q))
+    if check_limits:
+        check_positions("q", arm, joint_positions(arm, q))
+    return _Hold(arm.name, q, np.zeros(arm.nv))
 
 
 def cosine(
     arm: ArmModel,
     *,
     center: ArrayLike | None = None,
-    amplitude: ArrayLike,
-    period: ArrayLike,
-) -> Trajectory:
+    amplitude: ArrayLike | None = None,
+    period: ArrayLike = 6.0,
+    check_limits: bool = True,
+) -> SampledTrajectory:
     """Swing every joint about a centre: q_d(t) = center (+) amplitude·cos(2πt/period).
 
     Args:
         arm: The arm.
         center: Configuration, shape (nq,), or a scalar for all joints of an arm without continuous joints;
-            `arm.neutral` by default.
-        amplitude: Scalar or (nv,) [rad or m].
+            `arm.ready` by default.
+        amplitude: Scalar or (nv,) [rad or m]; by default 0.2, and less where a limit is near: see
+            `amplitude_within_limits`.
         period: Scalar or (nv,), positive [s].
+        check_limits: Whether a motion that leaves the position limits is refused, and one that is faster than the
+            velocity limits draws a warning.
 
     Raises:
         DimensionError: Wrong shape or kind.
         NonFiniteError: An input holds NaN or infinity.
         ParameterError: A period that is not positive.
+        JointLimitError: The motion leaves the position limits.
     """
     middle = _center(arm, center)
+    periods = per_joint("period", positive("period", period), arm.nv)
+    if amplitude is None:
+        amplitude = amplitude_within_limits(arm, middle, period=float(periods.min()))
     swing = vector("amplitude", _spread("amplitude", amplitude, arm.nv), arm.nv).copy()
-    omega = 2.0 * np.pi / per_joint("period", positive("period", period), arm.nv)
+    omega = 2.0 * np.pi / periods
+    if check_limits:
+        x, reach = joint_positions(arm, middle), np.abs(swing)
+        check_positions("center ± amplitude", arm, np.array([x - reach, x + reach]))
+        warn_of_speeds("cosine", arm, swing * omega)
     return _Cosine(arm, middle, swing, omega)
 
 
 def waypoints(
-    arm: ArmModel, configurations: Sequence[ArrayLike], times: Sequence[float]
-) -> Trajectory:
+    arm: ArmModel,
+    configurations: Sequence[ArrayLike],
+    times: Sequence[float],
+    *,
+    check_limits: bool = True,
+) -> SampledTrajectory:
     """Pass through configurations at given times, at rest in each, with continuous acceleration.
 
     Between two of them the motion is the minimum-jerk polynomial along the shortest way (continuous joints take the
-    short way round); before the first and after the last it stands still.
+    short way round); before the first and after the last it stands still. `samples` passes through without stopping.
 
     Args:
         arm: The arm.
         configurations: At least two configurations, each of shape (nq,).
         times: One time for each, strictly increasing [s].
+        check_limits: Whether a configuration outside the position limits is refused, and a motion that is faster than
+            the velocity limits draws a warning.
 
     Raises:
         DimensionError: Wrong shape or kind, or not one time for each configuration.
         NonFiniteError: An input holds NaN or infinity.
         ParameterError: Times that do not increase.
+        JointLimitError: A configuration lies outside the position limits.
     """
     knots = [
         np.array(arm.check_configuration(f"configurations[{i}]", q))
@@ -116,13 +113,26 @@ def waypoints(
         )
     if not (np.diff(instants) > 0.0).all():
         raise ParameterError("times", list(times), "strictly increasing")
-    steps = [arm.raw_dynamics.difference(a, b) for a, b in pairwise(knots)]
-    return _Waypoints(arm, np.array(knots), np.array(steps), instants)
+    steps = np.array([arm.raw_dynamics.difference(a, b) for a, b in pairwise(knots)])
+    if check_limits:
+        for i, q in enumerate(knots):
+            check_positions(f"configurations[{i}]", arm, joint_positions(arm, q))
+        speeds = _MINIMUM_JERK_PEAK * np.abs(steps) / np.diff(instants)[:, None]
+        warn_of_speeds("waypoints", arm, speeds.max(axis=0))
+    return _Waypoints(arm, np.array(knots), steps, instants)
+
+
+_MINIMUM_JERK_PEAK = (
+    15.0 / 8.0
+)  # largest speed of the minimum-jerk polynomial, relative to its mean
 
 
 class _Hold:
-    def __init__(self, q: Array, rest: Array) -> None:
-        self._q, self._rest = q, rest
+    def __init__(self, name: str, q: Array, rest: Array) -> None:
+        self._name, self._q, self._rest = name, q, rest
+
+    def __repr__(self) -> str:
+        return f"hold({self._name!r}, q={np.array2string(self._q, precision=3, separator=', ')})"
 
     def __call__(self, t: float) -> Reference:
         del t
@@ -133,29 +143,31 @@ class _Hold:
         return Reference(self._q[None].copy(), self._rest[None].copy(), self._rest[None].copy())
 
 
-class _Cosine:
+class _Cosine(Sampled):
     def __init__(self, arm: ArmModel, middle: Array, swing: Array, omega: Array) -> None:
         self._arm, self._middle, self._swing, self._omega = arm, middle, swing, omega
         self._rates, self._rate_of_joint = np.unique(omega, return_inverse=True)
 
-    def __call__(self, t: float) -> Reference:
-        return Reference(*(x[0] for x in self.sample(np.array([t]))))
+    def __repr__(self) -> str:
+        amplitude, period = span(self._swing), span(2.0 * np.pi / self._omega)
+        return f"cosine({self._arm.name!r}, amplitude={amplitude}, period={period} s)"
 
     def sample(self, times: Array) -> Reference:
         swing, omega, phase = self._swing, self._omega, times[:, None] * self._rates
         cos, sin = np.cos(phase), np.sin(phase)
         if len(self._rates) > 1:
             cos, sin = cos[:, self._rate_of_joint], sin[:, self._rate_of_joint]
-        q = _integrate_each(self._arm, self._middle[None], swing * cos)
+        q = integrate_each(self._arm, self._middle[None], swing * cos)
         return Reference(q, -swing * omega * sin, -swing * omega**2 * cos)
 
 
-class _Waypoints:
+class _Waypoints(Sampled):
     def __init__(self, arm: ArmModel, knots: Array, steps: Array, instants: Array) -> None:
         self._arm, self._knots, self._steps, self._instants = arm, knots, steps, instants
 
-    def __call__(self, t: float) -> Reference:
-        return Reference(*(x[0] for x in self.sample(np.array([t]))))
+    def __repr__(self) -> str:
+        first, last = self._instants[0], self._instants[-1]
+        return f"waypoints({self._arm.name!r}, {len(self._knots)} from t = {first:g} to {last:g} s)"
 
     def sample(self, times: Array) -> Reference:
         instants, steps = self._instants, self._steps
@@ -165,21 +177,19 @@ class _Waypoints:
         blend = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
         rate = 30.0 * x**2 * (1.0 - x) ** 2 / duration
         curvature = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / duration**2
-        q = _integrate_each(self._arm, self._knots[i], blend * steps[i])
+        q = integrate_each(self._arm, self._knots[i], blend * steps[i])
         return Reference(q, rate * steps[i], curvature * steps[i])
 
 
-def _integrate_each(arm: ArmModel, q: Array, steps: Array) -> Array:
-    """Row by row q (+) step; one row of q does for all."""
-    if arm.nq == arm.nv:
-        return np.asarray(q + steps)
-    q = np.broadcast_to(q, (len(steps), arm.nq))
-    return np.array([arm.raw_dynamics.integrate(*row) for row in zip(q, steps, strict=True)])
+def span(values: Array) -> str:
+    """Return numbers as "0.2", or "0.1…0.2" where they differ."""
+    low, high = float(np.min(values)), float(np.max(values))
+    return f"{low:.4g}" if low == high else f"{low:.4g}…{high:.4g}"
 
 
 def _center(arm: ArmModel, center: ArrayLike | None) -> Array:
     if center is None:
-        return np.array(arm.neutral)
+        return np.array(arm.ready)
     if arm.nq == arm.nv and np.isscalar(center):
         center = np.full(arm.nq, center)
     return np.array(arm.check_configuration("center", center))

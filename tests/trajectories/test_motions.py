@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import rbimpedance as rbi
 from rbimpedance.trajectories import Trajectory, cosine, hold, waypoints
 
-from . import arms
+from .. import arms
 
 
 @pytest.fixture(scope="module")
@@ -64,9 +64,9 @@ def test_answers_are_the_callers_own(
         assert_array_equal(x, y)
 
 
-def test_hold_stays_at_neutral_by_default(spinner: rbi.ArmModel) -> None:
+def test_hold_stays_at_ready_by_default(spinner: rbi.ArmModel) -> None:
     q, v, a = hold(spinner)(7.0)
-    assert_array_equal(q, spinner.neutral)
+    assert_array_equal(q, spinner.ready)
     assert_array_equal([v, a], np.zeros((2, 3)))
 
 
@@ -100,8 +100,8 @@ def test_scalar_center_is_meant_for_every_joint(manipulator: rbi.ArmModel) -> No
     assert_allclose(trajectory(3.0).q, np.full(6, 0.3), rtol=1e-15)
 
 
-def test_center_is_neutral_by_default(spinner: rbi.ArmModel) -> None:
-    assert_allclose(cosine(spinner, amplitude=0.1, period=1.0)(0.25).q, spinner.neutral, atol=1e-15)
+def test_center_is_ready_by_default(spinner: rbi.ArmModel) -> None:
+    assert_allclose(cosine(spinner, amplitude=0.1, period=1.0)(0.25).q, spinner.ready, atol=1e-15)
 
 
 def test_cosine_keeps_its_own_numbers(manipulator: rbi.ArmModel) -> None:

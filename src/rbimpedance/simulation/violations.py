@@ -1,0 +1,114 @@
+"""By how much a run leaves the limits of its arm."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from .._common.arrays import Array
+from ..robot.arm_model import ArmModel
+from ..robot.rigid_bodies import movable_joints
+
+
+class Logged(Protocol):
+    """What of a result limits and references are compared with; see `SimulationResult`."""
+
+    @property
+    def t(self) -> Array:
+        """Times, shape (N,) [s]."""
+
+    @property
+    def q(self) -> Array:
+        """Configuration, shape (N, nq)."""
+
+    @property
+    def v(self) -> Array:
+        """Velocity, shape (N, nv)."""
+
+    @property
+    def e1(self) -> Array:
+        """Position error, shape (N, nv)."""
+
+    @property
+    def e2(self) -> Array:
+        """Velocity error, shape (N, nv)."""
+
+    @property
+    def tau(self) -> Array:
+        """Motor torque, shape (N, nv)."""
+
+    @property
+    def provenance(self) -> Mapping[str, Any]:
+        """What produced it, with the limits of the arm."""
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints."""
+
+
+class Excess(NamedTuple):
+    """How far beyond its limit a joint is at every sample, each of shape (N, nv); negative inside, -inf without limit.
+
+    Attributes:
+        position: Beyond the nearer position limit [rad or m].
+        velocity: Of the speed [rad/s or m/s].
+        effort: Of the motor torque [N·m or N].
+    """
+
+    position: Array
+    velocity: Array
+    effort: Array
+
+
+def limits_of(arm: ArmModel) -> dict[str, list[Any]]:
+    """Return an arm's limits as JSON data, one entry per joint: None where there is none."""
+    model = arm.raw_dynamics.model
+    joints = [model.joints[j] for j in movable_joints(model)]
+    lower, upper = arm.joint_limits()
+    numbers = {
+        "lower": lower,
+        "upper": upper,
+        "velocity": arm.velocity_limit,
+        "effort": arm.effort_limit,
+    }
+    plain: dict[str, list[Any]] = {
+        name: [float(x) if np.isfinite(x) else None for x in values]
+        for name, values in numbers.items()
+    }
+    return plain | {
+        "q_index": [joint.idx_q if joint.nq == 1 else None for joint in joints],
+        "unit": ["m" if joint.shortname().startswith("JointModelP") else "rad" for joint in joints],
+    }
+
+
+def excess(result: Logged) -> Excess:
+    """Return how far beyond its limits a run is.
+
+    Args:
+        result: The run; one whose provenance has no limits (a file of an earlier version) is inside everywhere.
+    """
+    limits: Mapping[str, Any] | None = result.provenance.get("limits")
+    if limits is None:
+        return Excess(*np.full((3, *result.v.shape), -np.inf))
+    position = np.full(result.v.shape, -np.inf)
+    for j, i in enumerate(limits["q_index"]):
+        if i is not None:
+            lower, upper = _number(limits["lower"][j], -np.inf), _number(limits["upper"][j], np.inf)
+            position[:, j] = np.maximum(lower - result.q[:, i], result.q[:, i] - upper)
+    return Excess(
+        position,
+        np.abs(result.v) - [_number(x, np.inf) for x in limits["velocity"]],
+        np.abs(result.tau) - [_number(x, np.inf) for x in limits["effort"]],
+    )
+
+
+def unit_of(result: Logged, joint: int) -> str:
+    """Return "rad" or "m", as the joint turns or slides."""
+    limits: Mapping[str, Any] | None = result.provenance.get("limits")
+    return "rad" if limits is None else str(limits["unit"][joint])
+
+
+def _number(value: float | None, otherwise: float) -> float:
+    return otherwise if value is None else value
