@@ -1,0 +1,394 @@
+"""Options that commands share, and what they mean in the library's terms."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import typer
+from numpy.typing import ArrayLike
+
+from .._common.arrays import Array
+from ..exceptions import ParameterError
+from ..law.impedance import Impedance
+from ..law.super_twisting import Scheme
+from ..robot.arm_model import ArmModel
+from ..robot.knowledge import Knowledge, as_knowledge
+from ..robot.load import load_robot
+from ..robot.loading.encoding import decoded
+from ..robot.loading.strict_xml import MAX_CHARACTERS
+from ..simulation.scenarios import SurfaceName
+from ..trajectories import Trajectory, cosine
+from ..tuning import Uncertainty
+from ..tuning.plant_sample import PlantSample
+from .terminal import stderr
+
+
+def option(name: str, words: str, panel: str, metavar: str | None = None) -> Any:
+    """Return an option in a panel of the help; choices stand in its words, since a list of them breaks within words."""
+    return typer.Option(name, help=words, rich_help_panel=panel, metavar=metavar)
+
+
+Robot = Annotated[
+    str,
+    typer.Argument(
+        metavar="ROBOT",
+        help="Path of a URDF or xacro file, a name (see rbimpedance robots), or - for URDF text on "
+        "standard input.",
+    ),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print the figures as JSON.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="No progress bar and no table.")]
+Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the files.")]
+Period = Annotated[float, typer.Option("--dt", metavar="S", help="Control period in s.")]
+Duration = Annotated[float, typer.Option("--duration", metavar="S", help="Length of the run in s.")]
+Surface = Annotated[
+    SurfaceName,
+    typer.Option("--surface", metavar="NAME", help="power, fast-terminal, nonsingular-terminal."),
+]
+SchemeName = Annotated[
+    Scheme, typer.Option("--scheme", metavar="NAME", help="explicit, matched or implicit.")
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class KnowledgeOptions:
+    """What the controller knows of the arm."""
+
+    model: Annotated[
+        Literal["full", "inertia"] | None,
+        typer.Option("--model", metavar="NAME", help="What the controller knows: full, inertia."),
+    ] = None
+    known: Annotated[
+        Literal["full", "inertia", "mass"] | None, typer.Option("--known", hidden=True)
+    ] = None
+
+    def knowledge(self, default: Knowledge) -> Knowledge:
+        """Return the word; the old option works and says what it is now."""
+        if self.known is None:
+            return self.model or default
+        now = as_knowledge({"mass": "inertia"}.get(self.known, self.known))
+        stderr.print(
+            f"warning: --known {self.known} is deprecated; write --model {now}", soft_wrap=True
+        )
+        return self.model or now
+
+
+@dataclass(frozen=True, kw_only=True)
+class DescriptionOptions:
+    """How a robot's description is read."""
+
+    joints: Annotated[
+        list[str] | None,
+        option(
+            "--joints", "Control these alone, and freeze the others; repeatable.", "Robot", "NAME"
+        ),
+    ] = None
+    lock: Annotated[
+        list[str] | None,
+        option("--lock", "Freeze a joint; repeatable.", "Robot", "NAME"),
+    ] = None
+    tool_frame: Annotated[
+        str | None,
+        option("--tool-frame", "Default: the deepest leaf.", "Robot", "NAME"),
+    ] = None
+    package_dir: Annotated[
+        list[Path] | None,
+        option("--package-dir", "Where package:// resolves; repeatable.", "Robot", "DIR"),
+    ] = None
+    xacro_arg: Annotated[
+        list[str] | None,
+        option("--xacro-arg", "Argument of a xacro file; repeatable.", "Robot", "N:=V"),
+    ] = None
+    repair: Annotated[
+        bool,
+        option(
+            "--repair", "Repair defects of the description that have one obvious repair.", "Robot"
+        ),
+    ] = False
+
+    def load_for_display(self, robot: str) -> ArmModel:
+        """Load a robot of which only the picture counts, which needs no masses."""
+        return self._load(robot, armature=1.0, massless=True)
+
+    def _load(self, robot: str, **physics: Any) -> ArmModel:
+        return load_robot(
+            _standard_input() if robot == "-" else robot,
+            joints=None if self.joints is None else _names(self.joints),
+            lock=_names(self.lock or ()),
+            tool_frame=self.tool_frame,
+            package_dirs=tuple(self.package_dir or ()),
+            xacro_args=_xacro_arguments(self.xacro_arg),
+            repair=self.repair,
+            **physics,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotOptions(DescriptionOptions):
+    """The same, and what a description may leave out."""
+
+    armature: Annotated[
+        str | None,
+        option("--armature", "Reflected rotor inertia in kg m^2.", "Robot", "A[,A..]"),
+    ] = None
+    gravity: Annotated[
+        str | None,
+        option("--gravity", "In world axes in m/s^2.", "Robot", "X,Y,Z"),
+    ] = None
+    massless: Annotated[
+        bool,
+        option("--massless", "Accept links without mass: no gravity is known there.", "Robot"),
+    ] = False
+
+    def load(self, robot: str) -> ArmModel:
+        """Load the robot."""
+        armature, gravity = self.armature, self.gravity
+        return self._load(
+            robot,
+            armature=None if armature is None else numbers("--armature", armature),
+            gravity=None if gravity is None else numbers("--gravity", gravity, 3),
+            massless=self.massless,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionOptions:
+    """The reference: a cosine about a centre."""
+
+    center: Annotated[
+        str | None,
+        option(
+            "--center",
+            "Of the cosine reference in rad or m. Default: the arm's ready posture.",
+            "Motion",
+            "Q[,Q..]",
+        ),
+    ] = None
+    amplitude: Annotated[
+        str | None,
+        option(
+            "--amplitude",
+            "Of it in rad or m. Default: 0.2, or what the joint's limits leave.",
+            "Motion",
+            "A[,A..]",
+        ),
+    ] = None
+    period: Annotated[float, option("--period", "Of it in s.", "Motion", "S")] = 6.0
+    start: Annotated[
+        str | None,
+        option(
+            "--start",
+            "Where the arm starts. Default: where the reference does.",
+            "Motion",
+            "Q[,Q..]",
+        ),
+    ] = None
+    dt: Annotated[float, option("--dt", "Control period in s.", "Motion", "S")] = 1e-3
+    duration: Annotated[float, option("--duration", "Length in s.", "Motion", "S")] = 5.0
+
+    def trajectory(self, arm: ArmModel) -> Trajectory:
+        """Return the reference, within the position limits unless it is asked for beyond."""
+        center = arm.ready if self.center is None else _posture("--center", self.center, arm)
+        amplitude = (
+            _default_amplitude(arm, center)
+            if self.amplitude is None
+            else numbers("--amplitude", self.amplitude)
+        )
+        return cosine(arm, center=center, amplitude=amplitude, period=self.period)
+
+    def start_of(self, arm: ArmModel, trajectory: Trajectory) -> Array:
+        """Return the configuration to start from, shape (nq,)."""
+        return trajectory(0.0).q if self.start is None else _posture("--start", self.start, arm)
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnknownOptions:
+    """What the controller does not know."""
+
+    payload: Annotated[
+        str,
+        option("--payload", "At the tool: largest, or a range.", "Unknown", "KG[,KG]"),
+    ] = "0"
+    payload_com: Annotated[
+        str,
+        option("--payload-com", "Where, in the tool's axes in m.", "Unknown", "X,Y,Z"),
+    ] = "0,0,0"
+    payload_gyration: Annotated[
+        str,
+        option("--payload-gyration", "Its radius of gyration in m.", "Unknown", "R[,R]"),
+    ] = "0"
+    inertia_scale: Annotated[
+        str,
+        option("--inertia-scale", "Factor on the links' inertia.", "Unknown", "F[,F]"),
+    ] = "1"
+    viscous: Annotated[
+        str,
+        option("--viscous", "Viscous friction in N m s/rad.", "Unknown", "D[,D]"),
+    ] = "0"
+    coulomb: Annotated[str, option("--coulomb", "Dry friction in N m.", "Unknown", "C[,C]")] = "0"
+    torque_constant: Annotated[
+        float,
+        option("--torque-constant", "Relative error of the torque.", "Unknown", "X"),
+    ] = 0.0
+    position_noise: Annotated[
+        float,
+        option("--position-noise", "Standard deviation in rad.", "Unknown", "X"),
+    ] = 0.0
+    velocity_noise: Annotated[
+        float,
+        option("--velocity-noise", "Standard deviation in rad/s.", "Unknown", "X"),
+    ] = 0.0
+    delay: Annotated[int, option("--delay", "Of the measurements in ticks.", "Unknown", "N")] = 0
+    seed: Annotated[int, option("--seed", "Of everything random.", "Unknown", "N")] = 0
+
+    def uncertainty(self) -> Uncertainty:
+        """Return the ranges."""
+        ranges = {name: numbers(option, text) for name, option, text in self._ranges()}
+        return self._with(ranges, self.torque_constant)
+
+    def plant(self, arm: ArmModel) -> PlantSample:
+        """Return the arm that is simulated: each range at the number given last."""
+        ends = {name: np.ravel(numbers(option, text))[-1] for name, option, text in self._ranges()}
+        constant = 1.0 + self.torque_constant
+        ranges = {name: np.array([end, end]) for name, end in ends.items()}
+        (sample,) = self._with(ranges, (constant, constant)).sample(arm, 1, seed=self.seed)
+        return sample
+
+    def _ranges(self) -> tuple[tuple[str, str, str], ...]:
+        return (
+            ("payload", "--payload", self.payload),
+            ("payload_gyration", "--payload-gyration", self.payload_gyration),
+            ("inertia_scale", "--inertia-scale", self.inertia_scale),
+            ("viscous", "--viscous", self.viscous),
+            ("coulomb", "--coulomb", self.coulomb),
+        )
+
+    def _with(self, ranges: Mapping[str, Any], torque_constant: ArrayLike) -> Uncertainty:
+        return Uncertainty(
+            **ranges,
+            payload_com=numbers("--payload-com", self.payload_com, 3),
+            torque_constant=torque_constant,
+            position_noise=self.position_noise,
+            velocity_noise=self.velocity_noise,
+            delay=self.delay,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class TargetOptions:
+    """The impedance that the arm is to have, and the torques that it may use."""
+
+    mass: Annotated[str, option("--mass", "M_d, per joint.", "Target", "M[,M..]")] = "1"
+    damping: Annotated[str, option("--damping", "D_d, per joint.", "Target", "D[,D..]")] = "10"
+    stiffness: Annotated[str, option("--stiffness", "K_d, per joint.", "Target", "K[,K..]")] = "20"
+    limits: Annotated[
+        str | None,
+        option(
+            "--limits",
+            "Torque limits to keep in N m; urdf: those of the description, the default where it "
+            "has any; none: no limits.",
+            "Target",
+            "T[,T..]",
+        ),
+    ] = None
+
+    def impedance(self) -> Impedance:
+        """Return the target."""
+        return Impedance(
+            mass=numbers("--mass", self.mass),
+            damping=numbers("--damping", self.damping),
+            stiffness=numbers("--stiffness", self.stiffness),
+        )
+
+    def torque_limits(self, arm: ArmModel) -> Array | None:
+        """Return the limits, per joint or one for all; None for none."""
+        given = bool(np.isfinite(arm.effort_limit).any())
+        if self.limits is None:
+            return arm.effort_limit if given else None
+        if self.limits == "urdf" and not given:
+            words = f"numbers: '{arm.name}' comes without effort limits"
+            raise ParameterError("--limits", self.limits, words)
+        if self.limits == "urdf":
+            return arm.effort_limit
+        return None if self.limits == "none" else numbers("--limits", self.limits)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutputOptions:
+    """Where results go."""
+
+    out: Out = Path("out")
+    as_json: Json = False
+    quiet: Quiet = False
+
+    @property
+    def silent(self) -> bool:
+        """Whether neither progress nor tables are shown."""
+        return self.quiet or self.as_json
+
+
+def numbers(option: str, text: str, *counts: int) -> Array:
+    """Read "1" or "1,2,3"; a single number stays a scalar unless a count is asked for.
+
+    Args:
+        option: Its name, for the error.
+        text: What was given.
+        counts: How many numbers it may be; any by default.
+
+    Raises:
+        ParameterError: It is something else.
+    """
+    how_many = " or ".join(map(str, counts))
+    wanted = (
+        f"{how_many} numbers separated by commas"
+        if counts
+        else "a number or numbers separated by commas"
+    )
+    try:
+        values = np.array([float(part) for part in text.split(",")])
+    except ValueError as error:
+        raise ParameterError(option, text, wanted) from error
+    if counts and len(values) not in counts:
+        raise ParameterError(option, text, wanted)
+    return values if counts or len(values) > 1 else values[0]
+
+
+def _names(given: list[str] | tuple[()]) -> tuple[str, ...]:
+    """Names given one by one, or several in one with commas."""
+    return tuple(name for text in given for name in text.split(","))
+
+
+def _xacro_arguments(given: list[str] | None) -> dict[str, str]:
+    """Read "name:=value" from each."""
+    pairs = {}
+    for text in given or ():
+        name, separator, value = text.partition(":=")
+        if not name or not separator:
+            raise ParameterError("--xacro-arg", text, "NAME:=VALUE")
+        pairs[name] = value
+    return pairs
+
+
+def _posture(option: str, text: str, arm: ArmModel) -> Array:
+    """Read joint positions, one for all or one each [rad or m]; returns a configuration, shape (nq,)."""
+    positions = np.ravel(numbers(option, text))
+    if len(positions) not in {1, arm.nv}:
+        raise ParameterError(option, text, f"one number, or one for each of the {arm.nv} joints")
+    return arm.integrate(arm.zero, np.broadcast_to(positions, arm.nv).copy())
+
+
+def _default_amplitude(arm: ArmModel, center: Array) -> Array:
+    """0.2, less where a limit is near, shape (nv,) [rad or m]."""
+    (lower, upper), at = arm.joint_limits(), arm.difference(arm.zero, center)
+    return np.clip(np.minimum(at - lower, upper - at) / 2.0, 0.0, 0.2)
+
+
+def _standard_input() -> str:
+    """The text on standard input, bounded in size."""
+    text, _ = decoded(sys.stdin.buffer.read(MAX_CHARACTERS + 1), "standard input", ())
+    return text

@@ -1,0 +1,160 @@
+"""The command `rbimpedance run`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from ..control.controller import ImpedanceController
+from ..exceptions import DivergenceError
+from ..interaction import FrameWrench
+from ..simulation.checkpoint import Checkpoint
+from ..simulation.plants.integrators import Integrator
+from ..simulation.result import SimulationResult
+from ..simulation.run import simulate
+from ..tuning.gains_file import save_gains
+from .law import TUNING_TIME, LawOptions, Task, tuned
+from .option_groups import with_options
+from .options import (
+    MotionOptions,
+    OutputOptions,
+    Robot,
+    RobotOptions,
+    TargetOptions,
+    UnknownOptions,
+    numbers,
+)
+from .recording import FAILED, draw, record, say_failed, say_written
+from .run_tables import result_figures, result_table
+from .terminal import print_json, print_table, stdout
+from .verdict import failures
+
+_FIGURES = {
+    "errors": "tracking_errors",
+    "impedance_error": "impedance_error",
+    "torque": "torques",
+}
+
+
+@with_options
+def run(
+    robot: Robot,
+    reading: RobotOptions,
+    unknown: UnknownOptions,
+    motion: MotionOptions,
+    target: TargetOptions,
+    law: LawOptions,
+    output: OutputOptions,
+    wrench: Annotated[
+        str | None,
+        typer.Option(
+            "--wrench",
+            metavar="FX,FY,FZ",
+            help="Force on the tool in world axes in N, and a moment in N m: ..,MX,MY,MZ.",
+        ),
+    ] = None,
+    substeps: Annotated[
+        int, typer.Option("--substeps", metavar="N", help="Physics steps per period.")
+    ] = 4,
+    integrator: Annotated[
+        Integrator, typer.Option("--integrator", metavar="NAME", help="semi-implicit or rk4.")
+    ] = "semi-implicit",
+    html: Annotated[
+        Path | None,
+        typer.Option("--html", metavar="FILE", help="Write the animation as one HTML file."),
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue a run of this command that was killed.")
+    ] = False,
+) -> None:
+    """Simulate the controller on a robot that follows a cosine; gains are tuned unless given.
+
+    The simulated arm has what is unknown, at the last number of each range.
+
+    Exit code 1: the arm is lost, leaves its limits or needs more torque than it has.
+    """
+    task = Task(reading.load(robot), motion, target, unknown)
+    if html is not None:
+        html.parent.mkdir(parents=True, exist_ok=True)  # now, not when the run is over
+    environment = FrameWrench(_wrench(wrench))
+    controller, words = law.controller(task) or _tuned(task, output)
+    arm, sample, trajectory = task.arm, unknown.plant(task.arm), motion.trajectory(task.arm)
+    title = f"{arm.name}, payload {sample.payload:g} kg, {words}, dt = {controller.dt:g} s"
+    label = f"{motion}, wrench {environment}"
+    output.out.mkdir(parents=True, exist_ok=True)
+    checkpoint = Checkpoint(output.out / "result.checkpoint", label, resume=resume)
+    try:
+        result = record(
+            lambda on_tick: simulate(
+                sample.wrap(controller),
+                sample.plant,
+                trajectory,
+                wrench=environment,
+                q0=motion.start_of(arm, trajectory),
+                duration=motion.duration,
+                substeps=substeps,
+                integrator=integrator,
+                on_tick=on_tick,
+                checkpoint=checkpoint,
+            ),
+            "result",
+            f"simulating {arm.name}",
+            output,
+        )
+    except DivergenceError as error:
+        checkpoint.remove()
+        _end(output, title, [str(error)])
+        raise typer.Exit(FAILED) from error
+    checkpoint.remove()
+    files = [*draw(result, _FIGURES, output.out), output.out / "result.npz"]
+    if html is not None:
+        files.append(result.save_html(html, wrench=environment))
+    _end(output, title, failures(result, arm), result, files)
+
+
+def _wrench(text: str | None) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Read a force, or a force and a moment, shape (6,)."""
+    given = numbers("--wrench", text or "0,0,0", 3, 6)
+    return np.concatenate([given, np.zeros(6 - len(given))])
+
+
+def _tuned(task: Task, output: OutputOptions) -> tuple[ImpedanceController, str]:
+    """Tune gains and say so; where there are none, say why and leave."""
+    if not output.silent:
+        stdout.print(f"no gains given: tuning {task.arm.name} for what is unknown", markup=False)
+    proposal = tuned(task, quiet=output.silent, at_least=TUNING_TIME)
+    if not proposal.feasible:
+        _end(output, task.arm.name, [proposal.explain()])
+        raise typer.Exit(FAILED)
+    output.out.mkdir(parents=True, exist_ok=True)
+    file = save_gains(proposal, output.out / "gains.json")
+    if not output.silent:
+        stdout.print(proposal.explain(), soft_wrap=True, markup=False)
+    return proposal.controller(task.target.impedance()), f"tuned gains ({file})"
+
+
+def _end(
+    output: OutputOptions,
+    title: str,
+    reasons: Sequence[str],
+    result: SimulationResult | None = None,
+    files: Sequence[Path] = (),
+) -> None:
+    """Say what came out of a run: first what is wrong, then its figures and files; leave with 1 where it failed."""
+    if reasons:
+        say_failed(reasons)
+    if output.as_json:
+        said: dict[str, Any] = {"title": title, "verdict": {"ok": not reasons, "failures": reasons}}
+        if result is not None:
+            said |= {"joints": result.joint_names, "metrics": result_figures(result)}
+        print_json(said)
+    elif result is not None:
+        if not output.quiet:
+            print_table(result_table(title, result))
+        say_written(files)
+    if reasons:
+        raise typer.Exit(FAILED)
