@@ -6,6 +6,7 @@ Exit codes: 0 done, 1 failed (an arm was lost, or no gains do), 2 bad input, 130
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Callable
 from typing import Annotated
 
@@ -60,7 +61,9 @@ def _root(
 def main() -> None:
     """Run the command line; every expected failure becomes a message and an exit code."""
     try:
-        app()
+        with warnings.catch_warnings():
+            warnings.showwarning = _say_warning
+            app()
     except DivergenceError as error:
         _leave(f"failed: {error}", FAILED)
     except RBImpedanceError as error:
@@ -68,6 +71,10 @@ def main() -> None:
     except OSError as error:
         what = f"{error.strerror}: '{error.filename}'" if error.filename else str(error)
         _leave(f"error: {what}", BAD_INPUT)
+
+
+def _say_warning(message: Warning | str, *_: object, **__: object) -> None:
+    stderr.print(f"warning: {message}", soft_wrap=True, markup=False)
 
 
 def _leave(words: str, code: int) -> None:

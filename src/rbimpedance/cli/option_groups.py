@@ -16,9 +16,8 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
         command: A function whose parameters are dataclasses with annotated fields, or what Typer takes.
     """
     parameters = signature(command, eval_str=True).parameters.values()
-    groups: dict[str, type[Any]] = {
-        p.name: p.annotation for p in parameters if is_dataclass(p.annotation)
-    }
+    groups = {p.name: p.annotation for p in parameters if isinstance(p.annotation, type)}
+    groups = {name: kind for name, kind in groups.items() if is_dataclass(kind)}
 
     @wraps(command)
     def run(**given: Any) -> None:

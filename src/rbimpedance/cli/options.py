@@ -192,13 +192,9 @@ class MotionOptions:
     duration: Annotated[float, option("--duration", "Length in s.", "Motion", "S")] = 5.0
 
     def trajectory(self, arm: ArmModel) -> Trajectory:
-        """Return the reference, within the position limits unless it is asked for beyond."""
-        center = arm.ready if self.center is None else _posture("--center", self.center, arm)
-        amplitude = (
-            _default_amplitude(arm, center)
-            if self.amplitude is None
-            else numbers("--amplitude", self.amplitude)
-        )
+        """Return the reference."""
+        center = None if self.center is None else _posture("--center", self.center, arm)
+        amplitude = None if self.amplitude is None else numbers("--amplitude", self.amplitude)
         return cosine(arm, center=center, amplitude=amplitude, period=self.period)
 
     def start_of(self, arm: ArmModel, trajectory: Trajectory) -> Array:
@@ -380,12 +376,6 @@ def _posture(option: str, text: str, arm: ArmModel) -> Array:
     if len(positions) not in {1, arm.nv}:
         raise ParameterError(option, text, f"one number, or one for each of the {arm.nv} joints")
     return arm.integrate(arm.zero, np.broadcast_to(positions, arm.nv).copy())
-
-
-def _default_amplitude(arm: ArmModel, center: Array) -> Array:
-    """0.2, less where a limit is near, shape (nv,) [rad or m]."""
-    (lower, upper), at = arm.joint_limits(), arm.difference(arm.zero, center)
-    return np.clip(np.minimum(at - lower, upper - at) / 2.0, 0.0, 0.2)
 
 
 def _standard_input() -> str:
