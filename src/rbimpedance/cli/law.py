@@ -4,43 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 from ..control.controller import ImpedanceController
 from ..exceptions import ParameterError
 from ..law.super_twisting import Scheme, SuperTwisting
-from ..robot.arm_model import ArmModel
 from ..simulation.scenarios import SurfaceName, paper_surface
 from ..tuning import GainProposal, propose_gains
 from ..tuning.gains_file import load_gains
-from .options import (
-    KnowledgeOptions,
-    MotionOptions,
-    TargetOptions,
-    UnknownOptions,
-    numbers,
-    option,
-)
+from .options import KnowledgeOptions, numbers, option
+from .task_options import Task
 from .terminal import progress
 
 TUNING_TIME = 5.0
 """Least length of the motion that gains are tuned for, however short the run is [s]."""
-
-
-class Task(NamedTuple):
-    """What gains are for.
-
-    Attributes:
-        arm: The arm as its description says.
-        motion: What it follows.
-        target: How it is to feel.
-        unknown: What the controller does not know.
-    """
-
-    arm: ArmModel
-    motion: MotionOptions
-    target: TargetOptions
-    unknown: UnknownOptions
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -72,9 +72,10 @@ def draw(
     return [pictures.save(figure, folder / f"{stem}.png") for stem, figure in drawn.items()]
 
 
-def say_failed(reasons: Sequence[str]) -> None:
-    """Say in one line what is wrong."""
-    stderr.print(f"failed: {'; '.join(reasons)}", soft_wrap=True, markup=False)
+def say_failed(reasons: Sequence[str], remedies: Sequence[str] = ()) -> None:
+    """Say in one line what is wrong, and in one more each what would help."""
+    for line in (f"failed: {'; '.join(reasons)}", *(f"- {remedy}" for remedy in remedies)):
+        stderr.print(line, soft_wrap=True, markup=False)
 
 
 def say_written(files: Sequence[Path]) -> None:

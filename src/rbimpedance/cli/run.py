@@ -17,19 +17,12 @@ from ..simulation.plants.integrators import Integrator
 from ..simulation.result import SimulationResult
 from ..simulation.run import simulate
 from ..tuning.gains_file import save_gains
-from .law import TUNING_TIME, LawOptions, Task, tuned
+from .law import TUNING_TIME, LawOptions, tuned
 from .option_groups import with_options
-from .options import (
-    MotionOptions,
-    OutputOptions,
-    Robot,
-    RobotOptions,
-    TargetOptions,
-    UnknownOptions,
-    numbers,
-)
+from .options import OutputOptions, Robot, RobotOptions, numbers
 from .recording import FAILED, draw, record, say_failed, say_written
 from .run_tables import result_figures, result_table
+from .task_options import MotionOptions, TargetOptions, Task, UnknownOptions
 from .terminal import print_json, print_table, stdout
 from .verdict import failures
 
@@ -128,8 +121,7 @@ def _tuned(task: Task, output: OutputOptions) -> tuple[ImpedanceController, str]
         stdout.print(f"no gains given: tuning {task.arm.name} for what is unknown", markup=False)
     proposal = tuned(task, quiet=output.silent, at_least=TUNING_TIME)
     if not proposal.feasible:
-        _end(output, task.arm.name, [proposal.explain()])
-        raise typer.Exit(FAILED)
+        _end(output, task.arm.name, [f"no gains: {proposal.reason}"], remedies=proposal.remedies)
     output.out.mkdir(parents=True, exist_ok=True)
     file = save_gains(proposal, output.out / "gains.json")
     if not output.silent:
@@ -143,12 +135,14 @@ def _end(
     reasons: Sequence[str],
     result: SimulationResult | None = None,
     files: Sequence[Path] = (),
+    remedies: Sequence[str] = (),
 ) -> None:
     """Say what came out of a run: first what is wrong, then its figures and files; leave with 1 where it failed."""
     if reasons:
-        say_failed(reasons)
+        say_failed(reasons, remedies)
     if output.as_json:
-        said: dict[str, Any] = {"title": title, "verdict": {"ok": not reasons, "failures": reasons}}
+        verdict = {"ok": not reasons, "failures": reasons, "remedies": remedies}
+        said: dict[str, Any] = {"title": title, "verdict": verdict}
         if result is not None:
             said |= {"joints": result.joint_names, "metrics": result_figures(result)}
         print_json(said)

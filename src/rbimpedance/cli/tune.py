@@ -9,17 +9,11 @@ import typer
 
 from ..tuning import GainProposal
 from ..tuning.gains_file import proposal_data, save_gains
-from .law import Task, tuned
+from .law import tuned
 from .option_groups import with_options
-from .options import (
-    MotionOptions,
-    OutputOptions,
-    Robot,
-    RobotOptions,
-    TargetOptions,
-    UnknownOptions,
-)
+from .options import OutputOptions, Robot, RobotOptions
 from .recording import FAILED, say_written
+from .task_options import MotionOptions, TargetOptions, Task, UnknownOptions
 from .terminal import print_json, print_table, stdout
 from .tune_tables import case_names, gains_table, torque_table, worst_table
 
