@@ -169,7 +169,7 @@ class MissingExtraError(RBImpedanceError, ImportError):
     def __str__(self) -> str:
         return (
             f"{self.feature} needs an optional dependency; in the checkout: "
-            f"pip install -e '.[{self.extra}]'"
+            f'pip install -e ".[{self.extra}]"'
         )
 
 
