@@ -25,7 +25,8 @@ from ..command_line import call
 COMMANDS: Any = get_command(cli.app)
 START = Path(__file__).parents[2] / "docs" / "start.md"
 COLOUR = re.compile(r"\x1b\[[0-9;]*(3[0-7]|9[0-7]|38;)[0-9;]*m")
-RUN = ("run", "two_link", "--duration", "0.02", "--out", "out")
+GAINS = ("--k1", "15", "--k2", "40")
+RUN = ("run", "two_link", *GAINS, "--duration", "0.02", "--out", "out")
 
 
 def in_a_terminal(folder: Path, *arguments: str, columns: int = 80, **environment: str) -> str:
@@ -146,6 +147,33 @@ def test_every_command_has_json_quiet_and_an_example(
     assert f"Example: rbimpedance {command}" in said
 
 
+@pytest.mark.parametrize("command", sorted(COMMANDS.commands))
+def test_help_fits_80_columns_without_breaking_a_word(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert call(monkeypatch, command, "--help") == 0
+    said = capsys.readouterr().out
+    assert max(map(len, said.splitlines())) <= 80
+    words = set(said.split())
+    for parameter in COMMANDS.commands[command].params:
+        if not getattr(parameter, "hidden", False):
+            assert set(parameter.opts) <= words | {parameter.name}
+            missing = [word for word in (parameter.help or "").split() if word not in words]
+            assert missing == []
+
+
+def test_help_loses_no_unit_to_markup() -> None:
+    helps = [
+        parameter.help or ""
+        for command in COMMANDS.commands.values()
+        for parameter in command.params
+        if hasattr(parameter, "help")
+    ]
+    assert len(helps) > 40
+    assert [text for text in helps if "[" in text] == []
+
+
 def test_view_tells_its_file_as_json(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -162,8 +190,8 @@ def test_view_tells_its_file_as_json(
     "arguments",
     [
         ("view", "two_link", "--out", "missing/two_link.html"),
-        ("run", "two_link", "--duration", "0.01", "--quiet", "--out", "file"),
-        ("run", "two_link", "--duration", "0.01", "--quiet", "--html", "file/run.html"),
+        ("run", "two_link", *GAINS, "--duration", "0.01", "--quiet", "--out", "file"),
+        ("run", "two_link", *GAINS, "--duration", "0.01", "--quiet", "--html", "file/run.html"),
     ],
 )
 def test_place_that_cannot_be_written_to_is_exit_code_2_and_named(
