@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -37,7 +38,7 @@ def test_paper_writes_figures_and_data_and_names_them(
 def test_paper_npz_holds_the_run_of_the_scenario(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    options = ("--known", "full", "--surface", "fast-terminal", "--scheme", "matched")
+    options = ("--model", "full", "--surface", "fast-terminal", "--scheme", "matched")
     times = ("--duration", "0.2", "--dt", "0.002", "--quiet")
     assert call(monkeypatch, "paper", *options, *times, "--out", str(tmp_path)) == 0
     written = SimulationResult.load(tmp_path / "paper.npz")
@@ -208,18 +209,22 @@ def test_nothing_is_coloured_when_output_is_no_terminal(
 # --- runs that went wrong, and what was asked of them -----------------------------------------------------------
 
 
+UNGUARDED = ("--limits", "none", "--no-stops")
+
+
 def test_lost_arm_is_exit_code_1_and_said_in_one_line(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    options = ("--k1", "8", "--k2", "10", "--payload", "2", "--limits", "none", "--duration", "2")
-    assert call(monkeypatch, "run", "panda", *options, "--json", "--out", str(tmp_path)) == 1
+    gains = ("--k1", "8", "--k2", "10", "--payload", "2", "--start", "0,0,0,-0.07,0,0,0,0")
+    options = (*gains, *UNGUARDED, "--duration", "1.5", "--json", "--out", str(tmp_path))
+    assert call(monkeypatch, "run", "panda", *options) == 1
     said = capsys.readouterr()
     (line,) = said.err.splitlines()
     verdict = json.loads(said.out)["verdict"]
-    assert line == "failed: " + "; ".join(verdict["failures"])
     assert not verdict["ok"]
-    assert "off its reference" in line
-    assert "its effort limit is" in line
+    assert line == "failed: " + "; ".join(verdict["failures"])
+    for words in ("beyond its position limit", "from its reference", "passed its limit"):
+        assert words in line
 
 
 def test_arm_that_leaves_its_position_limits_is_exit_code_1(
@@ -227,9 +232,14 @@ def test_arm_that_leaves_its_position_limits_is_exit_code_1(
 ) -> None:
     joint = urdf_joint("turn", "revolute", "base", "hand", "0 1 0", LIMIT)
     (tmp_path / "arm.urdf").write_text(urdf(joint, urdf_link("hand", 1.0)), encoding="utf-8")
-    options = (*GAINS, "--wrench", "0,0,60", "--duration", "2", "--out", str(tmp_path))
-    assert call(monkeypatch, "run", str(tmp_path / "arm.urdf"), *options, "--quiet") == 1
-    assert "joint 'turn' leaves its limits [-1.5, 2] by" in capsys.readouterr().err
+    pushed = ("--wrench", "0,0,0,0,60,0", "--duration", "2", "--out", str(tmp_path), "--quiet")
+    assert call(monkeypatch, "run", str(tmp_path / "arm.urdf"), *GAINS, *UNGUARDED, *pushed) == 1
+    assert re.search(r"joint 'turn' was \S+ rad beyond its", capsys.readouterr().err)
+    assert call(monkeypatch, "run", str(tmp_path / "arm.urdf"), *GAINS, *pushed) == 1
+    stopped = SimulationResult.load(tmp_path / "result.npz")
+    assert stopped.q.min() > -1.51
+    assert stopped.q.max() < 2.01
+    assert "beyond its position" not in capsys.readouterr().err
 
 
 def test_run_without_gains_tunes_them_for_what_is_unknown_and_says_so(
@@ -249,12 +259,12 @@ def test_run_without_gains_tunes_them_for_what_is_unknown_and_says_so(
 def test_gains_that_do_not_exist_are_exit_code_1_with_the_remedies(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    options = ("--payload", "2", "--json", "--out", str(tmp_path))
-    assert call(monkeypatch, "run", "panda", *options) == 1
+    options = ("--payload", "1", "--position-noise", "0.1", "--json", "--out", str(tmp_path))
+    assert call(monkeypatch, "run", "two_link", *options) == 1
     said = capsys.readouterr()
     verdict = json.loads(said.out)["verdict"]
     assert said.err.startswith(f"failed: {verdict['failures'][0]}\n- ")
-    assert verdict["failures"][0].startswith("no gains: joint 'panda_joint")
+    assert verdict["failures"][0].startswith("no gains: joint 'joint")
     assert any("armature" in remedy for remedy in verdict["remedies"])
 
 
@@ -319,7 +329,7 @@ def test_controller_keeps_the_torque_limits_of_the_description_unless_told_other
         assert call(monkeypatch, "run", "ur5", *options, *limits) == 0
         made_by = SimulationResult.load(tmp_path / "result.npz").provenance["controller"]
         kept = made_by["limits"]
-        assert (None if kept is None else np.ravel(kept["torque"])[0]) == expected
+        assert (None if kept is None else np.ravel(kept["effort"])[0]) == expected
 
 
 @pytest.mark.parametrize(("word", "now"), [("mass", "inertia"), ("full", "full")])
@@ -330,14 +340,26 @@ def test_old_option_known_works_and_warns(
     word: str,
     now: str,
 ) -> None:
-    options = ("--duration", "0.02", "--json", "--out", str(tmp_path))
-    assert call(monkeypatch, "paper", *options, "--known", word) == 0
+    options = ("two_link", *GAINS, "--duration", "0.02", "--json", "--out", str(tmp_path))
+    assert call(monkeypatch, "run", *options, "--known", word) == 0
     old = capsys.readouterr()
     assert old.err == f"warning: --known {word} is deprecated; write --model {now}\n"
-    assert call(monkeypatch, "paper", *options, "--model", now) == 0
+    assert call(monkeypatch, "run", *options, "--model", now) == 0
     new = capsys.readouterr()
     assert new.err == ""
     assert old.out == new.out
+
+
+@pytest.mark.slow
+def test_paper_takes_the_old_word_too(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ("--duration", "0.02", "--json", "--out", str(tmp_path))
+    assert call(monkeypatch, "paper", *options, "--known", "mass") == 0
+    old = capsys.readouterr()
+    assert old.err == "warning: --known mass is deprecated; write --model inertia\n"
+    assert call(monkeypatch, "paper", *options) == 0
+    assert old.out == capsys.readouterr().out
 
 
 # --- robots -----------------------------------------------------------------------------------------------------

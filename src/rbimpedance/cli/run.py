@@ -24,7 +24,6 @@ from .recording import FAILED, draw, record, say_failed, say_written
 from .run_tables import result_figures, result_table
 from .task_options import MotionOptions, TargetOptions, Task, UnknownOptions
 from .terminal import print_json, print_table, stdout
-from .verdict import failures
 
 _FIGURES = {
     "errors": "tracking_errors",
@@ -56,6 +55,10 @@ def run(
     integrator: Annotated[
         Integrator, typer.Option("--integrator", metavar="NAME", help="semi-implicit or rk4.")
     ] = "semi-implicit",
+    stops: Annotated[
+        bool,
+        typer.Option("--stops/--no-stops", help="Stops at the joints' position limits."),
+    ] = True,
     html: Annotated[
         Path | None,
         typer.Option("--html", metavar="FILE", help="Write the animation as one HTML file."),
@@ -91,6 +94,7 @@ def run(
                 duration=motion.duration,
                 substeps=substeps,
                 integrator=integrator,
+                joint_stops=stops,
                 on_tick=on_tick,
                 checkpoint=checkpoint,
             ),
@@ -106,7 +110,7 @@ def run(
     files = [*draw(result, _FIGURES, output.out), output.out / "result.npz"]
     if html is not None:
         files.append(result.save_html(html, wrench=environment))
-    _end(output, title, failures(result, arm), result, files)
+    _end(output, title, [finding.words for finding in result.verdict().findings], result, files)
 
 
 def _wrench(text: str | None) -> np.ndarray[Any, np.dtype[np.float64]]:
