@@ -55,6 +55,7 @@ COMMANDS = {
     "robots": Shown((r"panda +│ +8 │ fixed │ example-robot-data",)),
     "inspect ur5": Shown((r"ur5: nq = 6, nv = 6, tool frame 'ee_link'", r"elbow_joint .* 150 ")),
     "inspect my_arm.urdf": Shown((r"my_arm: nq = 2, nv = 2", r"elbow +│ +-2 │ +2 │")),
+    "inspect my_arm.urdf.xacro --xacro-arg payload:=4": Shown((r"my_arm: nq = 1", r"lift .* 4 │$")),
     "view ur5 --html": Shown((r"^written: ur5\.html$",), ("ur5.html",)),
     "view panda": Shown((r"http://127\.0\.0\.1:\d+\S* shows it, until Ctrl-C",)),
     "view panda --html": Shown((r"^written: panda\.html$",), ("panda.html",)),
@@ -110,7 +111,10 @@ NOT_RUN = {
 }
 
 
-_WORDS_OF_A_SENTENCE = [["run"], ["tune"], ["inspect"], ["view"], ["study"]]
+_WORDS_OF_A_SENTENCE = [
+    *(["run"], ["tune"], ["inspect"], ["view"], ["study"]),
+    ["bench", "--write"],
+]
 
 
 def commands_of(path: Path) -> Iterator[str]:
@@ -158,10 +162,11 @@ def test_every_command_that_is_known_stands_on_a_page() -> None:
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty folder to work in, with the robot of the page on one's own URDF."""
+    """An empty folder to work in, with the robots of the page on one's own URDF."""
     text = (DOCS / "how-to" / "own-urdf.md").read_text(encoding="utf-8")
-    (urdf,) = re.findall(r'URDF = """\n(.*?)"""', text, flags=re.DOTALL)
+    urdf, xacro = re.findall(r'"""\n(<robot.*?)"""', text, flags=re.DOTALL)
     (tmp_path / "my_arm.urdf").write_text(urdf, encoding="utf-8")
+    (tmp_path / "my_arm.urdf.xacro").write_text(xacro, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
