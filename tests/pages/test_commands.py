@@ -49,7 +49,7 @@ _RUN = "run ur5 --payload 1.3 --gains out/gains.json"
 _PANDA = "run panda --payload 2 --armature 0.1"
 _RUN_FILES = ("errors.png", "impedance_error.png", "torque.png", "result.npz")
 _TUNED = ("proposed gains", r"The controller \w+ [\d.]+ kg")
-_STUDY = ("--robots", "two_link", "--samples", "1", "--disturbances", "nominal")
+_STUDY = ("--robots", "ur5", "--samples", "1", "--disturbances", "nothing")
 
 COMMANDS = {
     "robots": Shown((r"panda +│ +8 │ fixed │ example-robot-data",)),
@@ -82,7 +82,8 @@ COMMANDS = {
         tuple(f"out/{name}" for name in _RUN_FILES),
         slow=True,
     ),
-    f"{_PANDA} --stiffness 200 --wrench 0,20,0 --html run.html": Shown(
+    "run panda --lock panda_finger_joint1,panda_finger_joint2 --payload 2 --armature 0.1 "
+    "--stiffness 200 --wrench 0,20,0 --html run.html": Shown(
         ("tuned gains", FIGURES), ("run.html",), slow=True
     ),
     _TUNE: Shown(_TUNED, ("out/gains.json", "out/worst_samples.png"), slow=True),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,13 +14,14 @@ from ..control.controller import ImpedanceController
 from ..exceptions import DivergenceError
 from ..interaction import FrameWrench
 from ..simulation.checkpoint import Checkpoint
+from ..simulation.closed_loop import OnTick
 from ..simulation.plants.integrators import Integrator
 from ..simulation.result import SimulationResult
 from ..simulation.run import simulate
 from ..tuning.gains_file import save_gains
 from .law import TUNING_TIME, LawOptions, tuned
 from .option_groups import with_options
-from .options import OutputOptions, Robot, RobotOptions, numbers
+from .options import OutputOptions, Robot, RobotOptions, numbers, option
 from .recording import FAILED, draw, record, say_failed, say_written
 from .run_tables import result_figures, result_table
 from .task_options import MotionOptions, TargetOptions, Task, UnknownOptions
@@ -32,6 +34,48 @@ _FIGURES = {
 }
 
 
+@dataclass(frozen=True, kw_only=True)
+class PlantOptions:
+    """What acts on the arm, and how it is simulated."""
+
+    wrench: Annotated[
+        str | None,
+        option(
+            "--wrench",
+            "Force on the tool in world axes in N, and a moment in N m: ..,MX,MY,MZ.",
+            "Simulation",
+            "FX,FY,FZ",
+        ),
+    ] = None
+    substeps: Annotated[
+        int, option("--substeps", "Physics steps per period.", "Simulation", "N")
+    ] = 4
+    integrator: Annotated[
+        Integrator, option("--integrator", "semi-implicit or rk4.", "Simulation", "NAME")
+    ] = "semi-implicit"
+    no_stops: Annotated[
+        bool, option("--no-stops", "Leave out the stops at the joints' limits.", "Simulation")
+    ] = False
+
+    def environment(self) -> FrameWrench:
+        """Return the wrench at the tool, of a force or of a force and a moment."""
+        given = numbers("--wrench", self.wrench or "0,0,0", 3, 6)
+        return FrameWrench(np.concatenate([given, np.zeros(6 - len(given))]))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOutputOptions(OutputOptions):
+    """The same, and what only a run has."""
+
+    html: Annotated[
+        Path | None,
+        typer.Option("--html", metavar="FILE", help="Write the animation as one HTML file."),
+    ] = None
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue a run of this command that was killed.")
+    ] = False
+
+
 @with_options
 def run(
     robot: Robot,
@@ -40,32 +84,8 @@ def run(
     motion: MotionOptions,
     target: TargetOptions,
     law: LawOptions,
-    output: OutputOptions,
-    wrench: Annotated[
-        str | None,
-        typer.Option(
-            "--wrench",
-            metavar="FX,FY,FZ",
-            help="Force on the tool in world axes in N, and a moment in N m: ..,MX,MY,MZ.",
-        ),
-    ] = None,
-    substeps: Annotated[
-        int, typer.Option("--substeps", metavar="N", help="Physics steps per period.")
-    ] = 4,
-    integrator: Annotated[
-        Integrator, typer.Option("--integrator", metavar="NAME", help="semi-implicit or rk4.")
-    ] = "semi-implicit",
-    stops: Annotated[
-        bool,
-        typer.Option("--stops/--no-stops", help="Stops at the joints' position limits."),
-    ] = True,
-    html: Annotated[
-        Path | None,
-        typer.Option("--html", metavar="FILE", help="Write the animation as one HTML file."),
-    ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Continue a run of this command that was killed.")
-    ] = False,
+    acting: PlantOptions,
+    output: RunOutputOptions,
 ) -> None:
     """Simulate the controller on a robot that follows a cosine; gains are tuned unless given.
 
@@ -74,32 +94,20 @@ def run(
     Exit code 1: the arm is lost, leaves its limits or needs more torque than it has.
     """
     task = Task(reading.load(robot), motion, target, unknown)
-    if html is not None:
-        html.parent.mkdir(parents=True, exist_ok=True)  # now, not when the run is over
-    environment = FrameWrench(_wrench(wrench))
+    environment = acting.environment()
+    for folder in (output.out, *([output.html.parent] if output.html else [])):
+        folder.mkdir(parents=True, exist_ok=True)  # now, not when the run is over
     controller, words = law.controller(task) or _tuned(task, output)
-    arm, sample, trajectory = task.arm, unknown.plant(task.arm), motion.trajectory(task.arm)
-    title = f"{arm.name}, payload {sample.payload:g} kg, {words}, dt = {controller.dt:g} s"
-    label = f"{motion}, wrench {environment}"
-    output.out.mkdir(parents=True, exist_ok=True)
-    checkpoint = Checkpoint(output.out / "result.checkpoint", label, resume=resume)
+    payload = unknown.plant(task.arm).payload
+    title = f"{task.arm.name}, payload {payload:g} kg, {words}, dt = {controller.dt:g} s"
+    checkpoint = Checkpoint(
+        output.out / "result.checkpoint", f"{motion}, {acting}", resume=output.resume
+    )
     try:
         result = record(
-            lambda on_tick: simulate(
-                sample.wrap(controller),
-                sample.plant,
-                trajectory,
-                wrench=environment,
-                q0=motion.start_of(arm, trajectory),
-                duration=motion.duration,
-                substeps=substeps,
-                integrator=integrator,
-                joint_stops=stops,
-                on_tick=on_tick,
-                checkpoint=checkpoint,
-            ),
+            lambda on_tick: _simulate(task, acting, controller, on_tick, checkpoint),
             "result",
-            f"simulating {arm.name}",
+            f"simulating {task.arm.name}",
             output,
         )
     except DivergenceError as error:
@@ -108,15 +116,33 @@ def run(
         raise typer.Exit(FAILED) from error
     checkpoint.remove()
     files = [*draw(result, _FIGURES, output.out), output.out / "result.npz"]
-    if html is not None:
-        files.append(result.save_html(html, wrench=environment))
+    if output.html is not None:
+        files.append(result.save_html(output.html, wrench=environment))
     _end(output, title, [finding.words for finding in result.verdict().findings], result, files)
 
 
-def _wrench(text: str | None) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Read a force, or a force and a moment, shape (6,)."""
-    given = numbers("--wrench", text or "0,0,0", 3, 6)
-    return np.concatenate([given, np.zeros(6 - len(given))])
+def _simulate(
+    task: Task,
+    acting: PlantOptions,
+    controller: ImpedanceController,
+    on_tick: OnTick,
+    checkpoint: Checkpoint,
+) -> SimulationResult:
+    """Run the controller against the arm that has what is unknown."""
+    sample, trajectory = task.unknown.plant(task.arm), task.motion.trajectory(task.arm)
+    return simulate(
+        sample.wrap(controller),
+        sample.plant,
+        trajectory,
+        wrench=acting.environment(),
+        q0=task.motion.start_of(task.arm, trajectory),
+        duration=task.motion.duration,
+        substeps=acting.substeps,
+        integrator=acting.integrator,
+        joint_stops=not acting.no_stops,
+        on_tick=on_tick,
+        checkpoint=checkpoint,
+    )
 
 
 def _tuned(task: Task, output: OutputOptions) -> tuple[ImpedanceController, str]:
