@@ -93,10 +93,8 @@ COMMANDS = {
     f"{_RUN} --out out": Shown(
         (r"gains of out/gains\.json", FIGURES), ("out/result.npz",), needs=(_TUNE,), slow=True
     ),
-    "bench": Shown(("pin.rnea",), shorter=("--quick", "--section", "tick"), slow=True),
-    "bench panda --save a.json": Shown(
-        ("pin.rnea",), ("a.json",), ("--quick", "--section", "tick"), slow=True
-    ),
+    "bench": Shown(("pin.rnea",), slow=True),
+    "bench ur5 --json": Shown(('"ur5"',), slow=True),
     "study standard": Shown(
         ("medians of the runs", "written: standard/"), shorter=_STUDY, slow=True
     ),
@@ -107,15 +105,11 @@ COMMANDS = {
 """Every command of the pages, as it stands there, and what it says."""
 
 NOT_RUN = {
-    "bench --full --write docs": "takes a quarter of an hour, and writes docs/benchmarks.md",
     "study mine.py:STUDY --jobs 2 --out out/mine": "its file is code of the page, which is tested with it",
 }
 
 
-_WORDS_OF_A_SENTENCE = [
-    *(["run"], ["tune"], ["inspect"], ["view"], ["study"]),
-    ["bench", "--write"],
-]
+_WORDS_OF_A_SENTENCE = [["run"], ["tune"], ["inspect"], ["view"], ["study"]]
 
 
 def commands_of(path: Path) -> Iterator[str]:
@@ -128,7 +122,7 @@ def commands_of(path: Path) -> Iterator[str]:
     blocks = re.findall(r"^```sh\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
     indented = re.findall(r"^    (rbimpedance .*)$", text, flags=re.MULTILINE)
     within = re.findall(r"`([^`\n]+)`", re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.M))
-    for line in re.split(r"\n|&&|;", "\n".join([*blocks, *indented, *within])):
+    for line in re.split(r"\n|&&|;| > ", "\n".join([*blocks, *indented, *within])):
         words = shlex.split(line, comments=True) if "rbimpedance " in line else []
         if words[:1] == ["rbimpedance"] and not words[1].startswith("-"):
             yield " ".join(words[1:])

@@ -14,7 +14,7 @@ import typer
 
 from .. import __version__
 from ..exceptions import DivergenceError, RBImpedanceError
-from .bench.command import bench
+from .bench import bench
 from .inspect import inspect
 from .paper import paper
 from .recording import BAD_INPUT, FAILED
@@ -41,7 +41,7 @@ _EXAMPLES: dict[Callable[..., None], str] = {
     robots: "robots ur",
     paper: "paper --surface fast-terminal --scheme matched --out out",
     study: "study standard --jobs 2",
-    bench: "bench panda --save before.json",
+    bench: "bench panda --compare before.json",
 }
 for _command, _example in _EXAMPLES.items():
     app.command(epilog=f"Example: rbimpedance {_example}")(_command)
