@@ -48,7 +48,7 @@ ERRORS: dict[str, tuple[rbi.RBImpedanceError, dict[str, object], str]] = {
     "MissingExtraError": (
         rbi.MissingExtraError("the robot 'x'", "descriptions"),
         {"feature": "the robot 'x'", "extra": "descriptions"},
-        "the robot 'x' needs an optional dependency: pip install 'rbimpedance[descriptions]'",
+        "the robot 'x' needs an optional dependency; in the checkout: pip install -e \".[descriptions]\"",
     ),
 }
 

@@ -168,7 +168,8 @@ class MissingExtraError(RBImpedanceError, ImportError):
 
     def __str__(self) -> str:
         return (
-            f"{self.feature} needs an optional dependency: pip install 'rbimpedance[{self.extra}]'"
+            f"{self.feature} needs an optional dependency; in the checkout: "
+            f'pip install -e ".[{self.extra}]"'
         )
 
 

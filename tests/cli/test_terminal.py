@@ -25,7 +25,8 @@ from ..command_line import call
 COMMANDS: Any = get_command(cli.app)
 START = Path(__file__).parents[2] / "docs" / "start.md"
 COLOUR = re.compile(r"\x1b\[[0-9;]*(3[0-7]|9[0-7]|38;)[0-9;]*m")
-RUN = ("run", "two_link", "--duration", "0.02", "--out", "out")
+GAINS = ("--k1", "15", "--k2", "40")
+RUN = ("run", "two_link", *GAINS, "--duration", "0.02", "--out", "out")
 
 
 def in_a_terminal(folder: Path, *arguments: str, columns: int = 80, **environment: str) -> str:
@@ -90,6 +91,14 @@ def test_quiet_run_shows_neither_progress_nor_table_in_a_terminal(
     assert "simulating" not in said.err
 
 
+def test_nothing_that_only_figures_need_is_loaded_before_the_first_sign_of_life() -> None:
+    code = (
+        "import sys, rbimpedance.cli; print({'matplotlib', 'meshcat', 'pandas'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"
+
+
 def test_progress_stays_out_of_files(capsys: pytest.CaptureFixture[str]) -> None:
     with progress("simulating", quiet=False) as on_tick:
         on_tick(100, 200)
@@ -142,8 +151,36 @@ def test_every_command_has_json_quiet_and_an_example(
 ) -> None:
     assert call(monkeypatch, command, "--help") == 0
     said = capsys.readouterr().out
-    assert {"--json", "--quiet"} <= set(re.findall(r"--\w+", said))
+    expected = {"--json"} if command == "bench" else {"--json", "--quiet"}  # bench is its table
+    assert expected <= set(re.findall(r"--\w+", said))
     assert f"Example: rbimpedance {command}" in said
+
+
+@pytest.mark.parametrize("command", sorted(COMMANDS.commands))
+def test_help_fits_80_columns_without_breaking_a_word(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert call(monkeypatch, command, "--help") == 0
+    said = capsys.readouterr().out
+    assert max(map(len, said.splitlines())) <= 80
+    words = set(said.split())
+    for parameter in COMMANDS.commands[command].params:
+        if not getattr(parameter, "hidden", False):
+            assert set(parameter.opts) <= words | {parameter.name}
+            missing = [word for word in (parameter.help or "").split() if word not in words]
+            assert missing == []
+
+
+def test_help_loses_no_unit_to_markup() -> None:
+    helps = [
+        parameter.help or ""
+        for command in COMMANDS.commands.values()
+        for parameter in command.params
+        if hasattr(parameter, "help")
+    ]
+    assert len(helps) > 40
+    assert [text for text in helps if "[" in text] == []
 
 
 def test_view_tells_its_file_as_json(
@@ -162,8 +199,8 @@ def test_view_tells_its_file_as_json(
     "arguments",
     [
         ("view", "two_link", "--out", "missing/two_link.html"),
-        ("run", "two_link", "--duration", "0.01", "--quiet", "--out", "file"),
-        ("run", "two_link", "--duration", "0.01", "--quiet", "--html", "file/run.html"),
+        ("run", "two_link", *GAINS, "--duration", "0.01", "--quiet", "--out", "file"),
+        ("run", "two_link", *GAINS, "--duration", "0.01", "--quiet", "--html", "file/run.html"),
     ],
 )
 def test_place_that_cannot_be_written_to_is_exit_code_2_and_named(

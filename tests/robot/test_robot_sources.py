@@ -312,5 +312,5 @@ def test_robot_descriptions_name_without_the_package_names_the_extra(
         return None if name == "robot_descriptions" else find_spec(name, *package)
 
     monkeypatch.setattr(importlib.util, "find_spec", without)
-    with pytest.raises(rbi.MissingExtraError, match=r"pip install 'rbimpedance\[descriptions\]'"):
+    with pytest.raises(rbi.MissingExtraError, match=r'pip install -e "\.\[descriptions\]"'):
         rbi.load_robot("iiwa7_description")

@@ -223,7 +223,8 @@ def test_filter_and_integrator_do_not_drift() -> None:
         assert np.ptp(found[name][0, 2:], axis=0).max() < rounding
 
 
-ARGUMENTS = ("run", "two_link", "--duration", "3", "--substeps", "1", "--quiet")
+GAINS = ("--k1", "15", "--k2", "40")
+ARGUMENTS = ("run", "two_link", *GAINS, "--duration", "3", "--substeps", "1", "--quiet")
 
 
 def test_command_that_is_killed_goes_on_to_the_same_bytes(

@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .._common.files import whole_file
-from ..pictures import figures as plotting
-from ..pictures.figures.study import FIGURES
 from ..study import Study, find_study, run_study, summarize
 from .study_tables import tables
 from .terminal import print_json, print_table, progress, stderr, stdout
@@ -84,6 +82,9 @@ def _rows(
 
 def _written(chosen: Study, folder: Path, rows: pa.Table, summary: dict[str, Any]) -> list[Path]:
     """Write summary and figures beside the table; returns all files."""
+    from ..pictures import figures as plotting  # noqa: PLC0415  (Matplotlib takes half a second)
+    from ..pictures.figures.study import FIGURES  # noqa: PLC0415
+
     files = [folder / f"{chosen.name}.parquet", folder / "summary.json"]
     with whole_file(files[1]) as file:
         file.write((json.dumps(summary, indent=1, allow_nan=False) + "\n").encode())

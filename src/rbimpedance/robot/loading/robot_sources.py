@@ -16,6 +16,7 @@ from typing import Any
 
 from ..._common.suggestions import suggest
 from ...exceptions import MissingExtraError, ModelError
+from .robot_nicknames import suggest_robot
 from .robot_text import SUFFIXES, Reading, RobotText, folders_of, is_file, read_path
 from .wording import shortened
 from .xacro_expansion import xacro_arguments
@@ -85,9 +86,18 @@ def bundled_urdf(name: str) -> Path:
     return _bundled_folder() / f"{name}.urdf"
 
 
+def names_by_source() -> dict[str, tuple[str, ...]]:
+    """Every robot name that `load_robot` knows here, sorted, by where it comes from; nothing is downloaded."""
+    return {
+        "bundled": bundled_names(),
+        "example-robot-data": tuple(sorted(_example_robots())),
+        "robot_descriptions": _description_modules(),
+    }
+
+
 def known_names() -> tuple[str, ...]:
-    """Every robot name that `load_robot` knows here, sorted, without downloading anything."""
-    return tuple(sorted({*bundled_names(), *_example_robots(), *_description_modules()}))
+    """Every robot name that `load_robot` knows here, sorted."""
+    return tuple(sorted({name for names in names_by_source().values() for name in names}))
 
 
 def _bundled_folder() -> Path:
@@ -116,7 +126,7 @@ def _read_string(source: str, reading: Reading) -> RobotText:
             f"the robot_descriptions name '{shortened(source)}'", "descriptions"
         )
     raise ModelError(
-        f"no robot is called '{source}'{suggest(source, known_names())}; {_KINDS_OF_SOURCE}"
+        f"no robot is called '{source}'{suggest_robot(source, known_names())}; {_KINDS_OF_SOURCE}"
     )
 
 

@@ -1,0 +1,116 @@
+"""Options of the law, and the controller that they mean: gains from a file, as given, or tuned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from ..control.controller import ImpedanceController
+from ..exceptions import ParameterError
+from ..law.super_twisting import Scheme, SuperTwisting
+from ..simulation.scenarios import SurfaceName, paper_surface
+from ..tuning import GainProposal, propose_gains
+from ..tuning.gains_file import load_gains
+from .options import KnowledgeOptions, numbers, option
+from .task_options import Task
+from .terminal import progress
+
+TUNING_TIME = 5.0
+"""Least length of the motion that gains are tuned for, however short the run is [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawOptions(KnowledgeOptions):
+    """Gains, surface and scheme; without gains they are tuned."""
+
+    gains: Annotated[
+        Path | None,
+        option("--gains", "Gains that tune wrote, with their surface and dt.", "Gains", "FILE"),
+    ] = None
+    k1: Annotated[
+        str | None, option("--k1", "Gain k1, with --k2. Default: tuned.", "Gains", "K[,K..]")
+    ] = None
+    k2: Annotated[
+        str | None, option("--k2", "Gain k2, with --k1. Default: tuned.", "Gains", "K[,K..]")
+    ] = None
+    surface: Annotated[
+        SurfaceName | None,
+        option(
+            "--surface",
+            "With k1, k2: power, fast-terminal (default) or nonsingular-terminal.",
+            "Gains",
+            "NAME",
+        ),
+    ] = None
+    scheme: Annotated[
+        Scheme | None,
+        option(
+            "--scheme", "With k1, k2: explicit, matched (default) or implicit.", "Gains", "NAME"
+        ),
+    ] = None
+
+    def controller(self, task: Task) -> tuple[ImpedanceController, str] | None:
+        """Return the controller of given gains and words on it; None where gains are to be tuned.
+
+        Raises:
+            ParameterError: Options that do not go together.
+        """
+        if self.gains is not None:
+            made = load_gains(self.gains).controller(task.arm, task.target.impedance())
+            return made, f"gains of {self.gains}"
+        if self.k1 is None and self.k2 is None:
+            self._check_nothing_given()
+            return None
+        if self.k1 is None or self.k2 is None:
+            raise ParameterError("--k1, --k2", f"{self.k1}, {self.k2}", "given together")
+        surface, scheme = self.surface or "fast-terminal", self.scheme or "matched"
+        made = ImpedanceController(
+            task.arm,
+            impedance=task.target.impedance(),
+            surface=paper_surface(surface),
+            reaching=SuperTwisting(numbers("--k1", self.k1), numbers("--k2", self.k2), scheme),
+            dt=task.motion.dt,
+            model=self.knowledge("full"),
+            limits=task.target.torque_limits(task.arm),
+        )
+        return made, f"{surface} surface, {scheme} scheme"
+
+    def _check_nothing_given(self) -> None:
+        choices = {"surface": self.surface, "scheme": self.scheme, "model": self.knowledge("full")}
+        for name, value in choices.items():
+            if value not in {None, "full"}:
+                wanted = (
+                    "given with --k1 and --k2: tuned gains come with their own surface, scheme and "
+                    "model"
+                )
+                raise ParameterError(f"--{name}", value, wanted)
+
+
+def tuned(
+    task: Task, *, quiet: bool, at_least: float = 0.0, accuracy: float = 1e-3
+) -> GainProposal:
+    """Propose gains for a task, with a progress bar.
+
+    Args:
+        task: What they are for.
+        quiet: No progress bar.
+        at_least: Least length of the motion [s].
+        accuracy: Error that is asked for [rad or m].
+    """
+    arm, motion = task.arm, task.motion
+    trajectory = motion.trajectory(arm)
+    with progress(f"tuning {arm.name}", quiet=quiet) as on_tick:
+        return propose_gains(
+            arm,
+            task.unknown.uncertainty(),
+            trajectory,
+            motion.dt,
+            impedance=task.target.impedance(),
+            q0=motion.start_of(arm, trajectory),
+            limits=task.target.torque_limits(arm),
+            accuracy=accuracy,
+            duration=max(motion.duration, at_least),
+            seed=task.unknown.seed,
+            on_tick=on_tick,
+        )

@@ -1,0 +1,61 @@
+"""The command `rbimpedance paper`."""
+
+from __future__ import annotations
+
+from ..exceptions import DivergenceError
+from ..simulation.result import SimulationResult
+from ..simulation.scenarios import paper as paper_scenario
+from ..simulation.scenarios import paper_comparison
+from .option_groups import with_options
+from .options import Duration, KnowledgeOptions, OutputOptions, Period, SchemeName, Surface
+from .recording import draw, record, say_written
+from .run_tables import comparison_figures, comparison_table, result_figures, result_table
+from .terminal import print_json, print_table, progress
+
+_FIGURES = {
+    "fig2_errors": "tracking_errors",
+    "fig3_impedance_error": "impedance_error",
+    "fig4_torque": "torques",
+}
+
+
+@with_options
+def paper(
+    knowledge: KnowledgeOptions,
+    output: OutputOptions,
+    surface: Surface = "power",
+    scheme: SchemeName = "explicit",
+    dt: Period = 1e-3,
+    duration: Duration = 10.0,
+) -> None:
+    """Reproduce section 4 of the paper: figures 2 to 4, the data, and each correction and baseline beside it."""
+    model = knowledge.knowledge("inertia")
+    scenario = paper_scenario(known=model, surface=surface, scheme=scheme, dt=dt, duration=duration)
+    result = record(
+        lambda on_tick: scenario.simulate(on_tick=on_tick), "paper", "simulating two_link", output
+    )
+    files = [*draw(result, _FIGURES, output.out), output.out / "paper.npz"]
+    compared = _compare(dt, duration, quiet=output.silent)
+    files += draw(compared, {"comparison": "comparison"}, output.out)
+    title = f"two_link, {model} model, {surface} surface, {scheme} scheme, dt = {dt:g} s"
+    if output.as_json:
+        said = {"title": title, "joints": result.joint_names, "metrics": result_figures(result)}
+        print_json(said | {"comparison": comparison_figures(compared)})
+        return
+    if not output.quiet:
+        print_table(result_table(title, result))
+        words = "The same with each correction, and the baselines; inertia known"
+        print_table(comparison_table(words, compared))
+    say_written(files)
+
+
+def _compare(dt: float, duration: float, *, quiet: bool) -> dict[str, SimulationResult]:
+    """Run every law of `paper_comparison`; one that diverges is compared by what it did until then."""
+    results: dict[str, SimulationResult] = {}
+    for name, scenario in paper_comparison(dt=dt, duration=duration).items():
+        with progress(name, quiet=quiet) as on_tick:
+            try:
+                results[name] = scenario.simulate(on_tick=on_tick)
+            except DivergenceError as error:
+                results[f"{name} (diverged)"] = error.result
+    return results

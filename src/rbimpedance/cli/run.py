@@ -1,0 +1,184 @@
+"""The command `rbimpedance run`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from ..control.controller import ImpedanceController
+from ..exceptions import DivergenceError
+from ..interaction import FrameWrench
+from ..simulation.checkpoint import Checkpoint
+from ..simulation.closed_loop import OnTick
+from ..simulation.plants.integrators import Integrator
+from ..simulation.result import SimulationResult
+from ..simulation.run import simulate
+from ..tuning.gains_file import save_gains
+from .law import TUNING_TIME, LawOptions, tuned
+from .option_groups import with_options
+from .options import OutputOptions, Robot, RobotOptions, numbers, option
+from .recording import FAILED, draw, record, say_failed, say_written
+from .run_tables import result_figures, result_table
+from .task_options import MotionOptions, TargetOptions, Task, UnknownOptions
+from .terminal import print_json, print_table, stdout
+
+_FIGURES = {
+    "errors": "tracking_errors",
+    "impedance_error": "impedance_error",
+    "torque": "torques",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlantOptions:
+    """What acts on the arm, and how it is simulated."""
+
+    wrench: Annotated[
+        str | None,
+        option(
+            "--wrench",
+            "Force on the tool in world axes in N, and a moment in N m: ..,MX,MY,MZ.",
+            "Simulation",
+            "FX,FY,FZ",
+        ),
+    ] = None
+    substeps: Annotated[
+        int, option("--substeps", "Physics steps per period.", "Simulation", "N")
+    ] = 4
+    integrator: Annotated[
+        Integrator, option("--integrator", "semi-implicit or rk4.", "Simulation", "NAME")
+    ] = "semi-implicit"
+    no_stops: Annotated[
+        bool, option("--no-stops", "Leave out the stops at the joints' limits.", "Simulation")
+    ] = False
+
+    def environment(self) -> FrameWrench:
+        """Return the wrench at the tool, of a force or of a force and a moment."""
+        given = numbers("--wrench", self.wrench or "0,0,0", 3, 6)
+        return FrameWrench(np.concatenate([given, np.zeros(6 - len(given))]))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOutputOptions(OutputOptions):
+    """The same, and what only a run has."""
+
+    html: Annotated[
+        Path | None,
+        typer.Option("--html", metavar="FILE", help="Write the animation as one HTML file."),
+    ] = None
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue a run of this command that was killed.")
+    ] = False
+
+
+@with_options
+def run(
+    robot: Robot,
+    reading: RobotOptions,
+    unknown: UnknownOptions,
+    motion: MotionOptions,
+    target: TargetOptions,
+    law: LawOptions,
+    acting: PlantOptions,
+    output: RunOutputOptions,
+) -> None:
+    """Simulate the controller on a robot that follows a cosine; gains are tuned unless given.
+
+    The simulated arm has what is unknown, at the last number of each range.
+
+    Exit code 1: the arm is lost, leaves its limits or needs more torque than it has.
+    """
+    task = Task(reading.load(robot), motion, target, unknown)
+    environment = acting.environment()
+    for folder in (output.out, *([output.html.parent] if output.html else [])):
+        folder.mkdir(parents=True, exist_ok=True)  # now, not when the run is over
+    controller, words = law.controller(task) or _tuned(task, output)
+    payload = unknown.plant(task.arm).payload
+    title = f"{task.arm.name}, payload {payload:g} kg, {words}, dt = {controller.dt:g} s"
+    checkpoint = Checkpoint(
+        output.out / "result.checkpoint", f"{motion}, {acting}", resume=output.resume
+    )
+    try:
+        result = record(
+            lambda on_tick: _simulate(task, acting, controller, on_tick, checkpoint),
+            "result",
+            f"simulating {task.arm.name}",
+            output,
+        )
+    except DivergenceError as error:
+        checkpoint.remove()
+        _end(output, title, [str(error)])
+        raise typer.Exit(FAILED) from error
+    checkpoint.remove()
+    files = [*draw(result, _FIGURES, output.out), output.out / "result.npz"]
+    if output.html is not None:
+        files.append(result.save_html(output.html, wrench=environment))
+    _end(output, title, [finding.words for finding in result.verdict().findings], result, files)
+
+
+def _simulate(
+    task: Task,
+    acting: PlantOptions,
+    controller: ImpedanceController,
+    on_tick: OnTick,
+    checkpoint: Checkpoint,
+) -> SimulationResult:
+    """Run the controller against the arm that has what is unknown."""
+    sample, trajectory = task.unknown.plant(task.arm), task.motion.trajectory(task.arm)
+    return simulate(
+        sample.wrap(controller),
+        sample.plant,
+        trajectory,
+        wrench=acting.environment(),
+        q0=task.motion.start_of(task.arm, trajectory),
+        duration=task.motion.duration,
+        substeps=acting.substeps,
+        integrator=acting.integrator,
+        joint_stops=not acting.no_stops,
+        on_tick=on_tick,
+        checkpoint=checkpoint,
+    )
+
+
+def _tuned(task: Task, output: OutputOptions) -> tuple[ImpedanceController, str]:
+    """Tune gains and say so; where there are none, say why and leave."""
+    if not output.silent:
+        stdout.print(f"no gains given: tuning {task.arm.name} for what is unknown", markup=False)
+    proposal = tuned(task, quiet=output.silent, at_least=TUNING_TIME)
+    if not proposal.feasible:
+        _end(output, task.arm.name, [f"no gains: {proposal.reason}"], remedies=proposal.remedies)
+    output.out.mkdir(parents=True, exist_ok=True)
+    file = save_gains(proposal, output.out / "gains.json")
+    if not output.silent:
+        stdout.print(proposal.explain(), soft_wrap=True, markup=False)
+    return proposal.controller(task.target.impedance()), f"tuned gains ({file})"
+
+
+def _end(
+    output: OutputOptions,
+    title: str,
+    reasons: Sequence[str],
+    result: SimulationResult | None = None,
+    files: Sequence[Path] = (),
+    remedies: Sequence[str] = (),
+) -> None:
+    """Say what came out of a run: first what is wrong, then its figures and files; leave with 1 where it failed."""
+    if reasons:
+        say_failed(reasons, remedies)
+    if output.as_json:
+        verdict = {"ok": not reasons, "failures": reasons, "remedies": remedies}
+        said: dict[str, Any] = {"title": title, "verdict": verdict}
+        if result is not None:
+            said |= {"joints": result.joint_names, "metrics": result_figures(result)}
+        print_json(said)
+    elif result is not None:
+        if not output.quiet:
+            print_table(result_table(title, result))
+        say_written(files)
+    if reasons:
+        raise typer.Exit(FAILED)

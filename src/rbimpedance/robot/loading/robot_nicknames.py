@@ -1,0 +1,62 @@
+"""What people call robots: makers and models beside the names that sources give them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from ..._common.suggestions import suggest
+
+NICKNAMES = {
+    "aloha": ("aloha_description",),
+    "barrett": ("wam7_description", "barrett_hand_description"),
+    "emika": ("panda", "fr3_description"),
+    "fetch": ("fetch_description",),
+    "fr3": ("fr3_description", "panda"),
+    "franka": ("panda", "fr3_description"),
+    "gen2": ("gen2_description",),
+    "gen3": ("gen3_description", "kinova"),
+    "iiwa": ("iiwa14_description", "iiwa7_description"),
+    "iiwa14": ("iiwa14_description",),
+    "iiwa7": ("iiwa7_description",),
+    "jaco": ("kinova", "gen2_description"),
+    "kuka": ("iiwa14_description", "iiwa7_description"),
+    "lbr": ("iiwa14_description", "iiwa7_description"),
+    "lite6": ("xarm7",),
+    "pal": ("talos_arm", "tiago"),
+    "piper": ("piper_description",),
+    "so-arm100": ("so100",),
+    "ufactory": ("xarm7",),
+    "universal": ("ur5", "ur3", "ur10"),
+    "unitree": ("z1", "g1", "go2"),
+    "xarm": ("xarm7",),
+    "yumi": ("yumi_description",),
+}
+"""Names of `load_robot` by maker, family or model, the best first."""
+
+EXTRA = "descriptions"
+"""Extra that brings robot_descriptions, whose names end in `_description`."""
+
+
+def suggest_robot(name: str, known: Iterable[str]) -> str:
+    """Return "; did you mean ...?" for a name that people use, or near one that is known.
+
+    Args:
+        name: What was asked for.
+        known: Names of `load_robot` that are there.
+    """
+    known = list(known)
+    wanted = _called(name)
+    if not wanted:
+        return suggest(name, known)
+    there = [robot for robot in wanted if robot in known]
+    if there:
+        return "; did you mean " + " or ".join(f"'{robot}'" for robot in there) + "?"
+    others = " or ".join(f"'{robot}'" for robot in wanted)
+    return f"; did you mean {others} of robot_descriptions (the extra '{EXTRA}')?"
+
+
+def _called(name: str) -> tuple[str, ...]:
+    """The robots that a name means, by the first of its parts that is a nickname."""
+    lower = name.lower()
+    parts = lower.replace("-", "_").replace(" ", "_").split("_")
+    return next((NICKNAMES[part] for part in (lower, *parts) if part in NICKNAMES), ())
