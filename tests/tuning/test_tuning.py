@@ -18,7 +18,7 @@ from rbimpedance.trajectories import Trajectory, cosine, hold
 from rbimpedance.tuning import GainProposal, PlantSample, Uncertainty, propose_gains, slowed
 from rbimpedance.tuning.gain_design import Design, Task, design, measure_task
 from rbimpedance.tuning.gains_file import load_gains, save_gains
-from rbimpedance.tuning.input_gain import gain_limit, needed_margin
+from rbimpedance.law.input_gain import gain_limit, needed_margin
 from rbimpedance.tuning.mismatch import Mismatch, carried_model, measure
 from rbimpedance.tuning.motions import MotionMargin, sample_motions
 from rbimpedance.tuning.torque_demand import RESERVE_ACCELERATION, Exertion

@@ -9,12 +9,19 @@ from typing import NamedTuple
 import numpy as np
 
 from .._common.arrays import Array
+from ..control.default_gains import (
+    GAIN_HEADROOM,
+    K1_OVER_ROOT_K2,
+    K2_OVER_MISMATCH,
+    slope_at_zero,
+    usual_surfaces,
+)
 from ..control.protocol import Backend
 from ..law.limits import Limits
-from ..law.surfaces import FastTerminalSurface, Surface
+from ..law.surfaces import Surface
 from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory
-from .input_gain import LARGEST_MARGIN, bears, gain_limit, needed_margin
+from ..law.input_gain import LARGEST_MARGIN, tolerates, gain_limit, needed_margin
 from .mismatch import Mismatch, carried_model, measure
 from .motions import MotionMargin, sample_motions
 from .plant_sample import PlantSample
@@ -23,15 +30,7 @@ from .uncertainty import Uncertainty
 TORQUE_FLOOR = 0.5
 """Smallest torque mismatch that gains are made for [N·m or N]: it lets a joint reach its surface without one, too."""
 
-GAIN_HEADROOM = 1.2
-"""The scheme bears an input gain this much higher than the largest one that was measured."""
-
-SMOOTHINGS = (1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
-"""Radii that a proposal may choose from for its fast terminal surface [rad or m]; the first one is the usual."""
-
-_K2_OVER_MISMATCH = 3.0
 _K2_OVER_RATE = 1.5
-_K1_OVER_ROOT_K2 = 2.2  # k1² ≥ 4·k2 with room
 _LEAST_RATE = (
     1e-9  # of a disturbance [rad/s³]: without a margin there is no bound, even if it stands still
 )
@@ -192,19 +191,6 @@ def _noise_acceleration(task: Task, slope: Array, k1: Array, margin: float) -> A
     return acceleration
 
 
-def usual_surfaces() -> tuple[FastTerminalSurface, ...]:
-    """Return the fast terminal surfaces that a proposal chooses from, the steepest first."""
-    return tuple(
-        FastTerminalSurface(rate=2.0, gamma=3.0, exponent=0.6, smoothing=smoothing)
-        for smoothing in SMOOTHINGS
-    )
-
-
-def slope_at_zero(surface: Surface, nv: int) -> Array:
-    """Return the slope of s over e1 at zero, shape (nv,) [1/s]."""
-    return np.array(surface.feedforward(np.zeros(nv), np.ones(nv)))
-
-
 def _error_on(surface: Surface, s: Array) -> Array:
     """Return the e1 at rest that a value s of the surface stands for, shape (nv,); infinite beyond half a turn."""
     below, above = np.zeros_like(s), np.full_like(s, _LARGEST_ERROR)
@@ -224,7 +210,7 @@ def _margin(
     low, high = mismatch.gain_low / GAIN_HEADROOM, mismatch.gain_high * GAIN_HEADROOM
     delay = task.uncertainty.delay
     margin = max(slower * needed_margin(low, high, delay, slope_step), least)
-    if not np.isfinite(margin) or not bears(margin, low, high, delay, slope_step):
+    if not np.isfinite(margin) or not tolerates(margin, low, high, delay, slope_step):
         return np.inf, 0.0
     return margin, gain_limit(low, margin, delay, slope_step)
 
@@ -246,10 +232,10 @@ def _k1_and_k2(
     acceleration = np.maximum(mismatch.torque, TORQUE_FLOOR) / mismatch.inertia
     slope = slope_at_zero(surface, task.arm.nv)
     noise = uncertainty.velocity_noise + slope * uncertainty.position_noise
-    k2 = _K2_OVER_MISMATCH * acceleration / np.sqrt(slowness)
-    share = _K1_OVER_ROOT_K2 * np.sqrt(k2 / g * noise) / acceleration
+    k2 = K2_OVER_MISMATCH * acceleration / np.sqrt(slowness)
+    share = K1_OVER_ROOT_K2 * np.sqrt(k2 / g * noise) / acceleration
     k2 = np.maximum(k2 / (1.0 + share) ** 2, _K2_OVER_RATE * mismatch.disturbance_rate / g)
-    return _K1_OVER_ROOT_K2 * np.sqrt(k2 / g), k2
+    return K1_OVER_ROOT_K2 * np.sqrt(k2 / g), k2
 
 
 def _judged(task: Task, found: Design) -> Design:

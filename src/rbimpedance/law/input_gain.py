@@ -1,4 +1,4 @@
-"""The sampled loop about s = 0 when the plant answers with a wrong gain: how much of that a margin bears.
+"""The sampled loop about s = 0 when the plant answers with a wrong gain: how much of that a margin tolerates.
 
 About s = 0 the matched scheme is linear: with H = margin·h it gives u = (2/H)·s + W, W⁺ = W + (h/H²)·s. The plant
 answers an acceleration A with G·A, G = M_true⁻¹·M_model, which has real positive eigenvalues. With one margin for all
@@ -13,7 +13,7 @@ import numpy as np
 from .._common.arrays import Array
 
 LARGEST_MARGIN = 100.0
-"""Margins beyond it are not looked for: the loop were a hundred periods slow."""
+"""Margins beyond it are not looked for: the loop would be a hundred periods slow."""
 
 _GAINS = 7
 _BISECTIONS = 30
@@ -60,7 +60,7 @@ def is_stable(g: float, margin: float, delay: int, slope_step: float) -> bool:
     return bool(np.abs(values).max() < 1.0)
 
 
-def bears(margin: float, low: float, high: float, delay: int, slope_step: float) -> bool:
+def tolerates(margin: float, low: float, high: float, delay: int, slope_step: float) -> bool:
     """Whether a margin keeps the loop stable for every input gain in [low, high]; see `needed_margin`."""
     gains = np.geomspace(low, high, _GAINS).tolist()
     return all(is_stable(g, margin, delay, slope_step) for g in gains)
@@ -77,7 +77,7 @@ def needed_margin(low: float, high: float, delay: int, slope_step: float) -> flo
     """
 
     def enough(margin: float) -> bool:
-        return bears(margin, low, high, delay, slope_step)
+        return tolerates(margin, low, high, delay, slope_step)
 
     if enough(1.0):
         return 1.0
@@ -91,10 +91,10 @@ def needed_margin(low: float, high: float, delay: int, slope_step: float) -> flo
 
 
 def gain_limit(low: float, margin: float, delay: int, slope_step: float) -> float:
-    """Return the largest input gain that a margin bears; without delay and slope 4·margin²/(4·margin - 1).
+    """Return the largest input gain that a margin tolerates; without delay and slope 4·margin²/(4·margin - 1).
 
     Args:
-        low: A gain that it bears.
+        low: A gain that it tolerates.
         margin: Of the matched scheme.
         delay: Ticks from a measurement to its torque.
         slope_step: Slope of the surface at e1 = 0 times the period.

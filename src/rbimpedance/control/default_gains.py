@@ -1,0 +1,237 @@
+"""What `ImpedanceController(arm)` fills in: target, surface and gains from bounds on the arm's own dynamics.
+
+The gains tolerate, all at once,
+
+- links that are `MASS_ERROR` heavier or lighter than in the model,
+- a payload of 5 % of the arm's moving mass at the tool frame (`PAYLOAD_SHARES`), which the model does not hold,
+- friction that the model does not hold: `FRICTION` on each joint, at most `EFFORT_SHARE` of its effort limit, and half of
+  what the model does hold,
+- one period of delay from the measurement to the torque.
+
+The bounds are taken over postures within the joint limits, by a formula and without simulation: a constructor has a
+hundredth of a second. What is not covered: a heavier payload, rotors that the description leaves out where the joint's
+own inertia is small, sensor noise, fast motion. `propose_gains` finds gains for those, and says where there are none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from .._common.arrays import Array
+from ..exceptions import ParameterError
+from ..law.bounded_surface import BoundedSurface
+from ..law.impedance import Impedance
+from ..law.input_gain import needed_margin
+from ..law.super_twisting import SuperTwisting
+from ..law.surfaces import FastTerminalSurface, NonsingularTerminalSurface, Surface
+from ..robot.arm_model import ArmModel
+from ..robot.knowledge import Knowledge
+
+MASS_ERROR = 0.1
+"""Share by which the links may be heavier or lighter than in the model."""
+
+PAYLOAD_SHARES = (0.05, 0.02, 0.01, 0.005, 0.002, 0.0)
+"""Payload at the tool frame that the model does not hold, as a share of the arm's moving mass: the first one that some
+gains tolerate. Less than the first where the tool frame is on a finger that weighs almost nothing itself."""
+
+FRICTION = 0.5
+"""Dry friction that the model does not hold [N·m or N]; it also lets a joint without weight reach its surface."""
+
+EFFORT_SHARE = 0.05
+"""That friction is at most this share of the joint's effort limit."""
+
+DELAY = 1
+"""Periods from a measurement to the torque that it leads to."""
+
+GAIN_HEADROOM = 1.2
+"""The scheme tolerates an input gain this much higher than the largest one that was found."""
+
+K2_OVER_MISMATCH = 3.0
+"""k2 over the acceleration that the model misses: covers it, with room for the transient."""
+
+K1_OVER_ROOT_K2 = 2.2
+"""k1² ≥ 4·k2, with room."""
+
+SMOOTHINGS = (1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
+"""Smoothing radii of the usual fast terminal surfaces [rad or m]; the first one is the default."""
+
+_STEEPEST = 0.1  # slope of a default surface at e1 = 0 times the period
+_FAR = 0.2  # error from which a default surface asks for no more speed [rad or m]
+_SPEED_SHARE = 0.5  # of a joint's velocity limit
+_FRICTION_ERROR = 0.5  # share by which the friction of the model may be wrong
+_ACCELERATION = 1.0  # of the motion [rad/s² or m/s²]
+_SPEED = 1.0  # of the motion [rad/s or m/s]
+_POSTURES = 16
+_MASS, _STIFFNESS_OVER_MASS = 1.0, 20.0  # the paper's target
+
+
+def default_impedance(arm: ArmModel) -> Impedance:
+    """Return a critically damped target that is no lighter than the arm: M_d = max(1, largest M_jj), K_d = 20·M_d.
+
+    Args:
+        arm: The arm.
+    """
+    heaviest = np.max([np.diag(arm.raw_dynamics.mass_matrix(q)) for q in _postures(arm)], axis=0)
+    mass = np.maximum(heaviest, _MASS)
+    return Impedance(mass, stiffness=_STIFFNESS_OVER_MASS * mass)
+
+
+class DefaultLaw(NamedTuple):
+    """Surface and gains that a controller takes where none are given, and what payload they tolerate.
+
+    Attributes:
+        surface: Sliding surface.
+        reaching: Gains per joint, and the margin.
+        payload: Payload at the tool frame that the model need not hold [kg].
+    """
+
+    surface: Surface
+    reaching: SuperTwisting
+    payload: float
+
+
+def default_law(
+    arm: ArmModel, dt: float, model: Knowledge = "full", surface: Surface | None = None
+) -> DefaultLaw:
+    """Return surface and gains for the uncertainty that this module's text states.
+
+    Args:
+        arm: The controller's arm.
+        dt: Its period [s].
+        model: What it knows of the arm.
+        surface: Its surface; by default the steepest usual one that the period allows, bounded to half of the joints'
+            velocity limits.
+
+    Raises:
+        ParameterError: The period is too long, or on this surface the gain of the reaching law depends on the speed.
+    """
+    if isinstance(getattr(surface, "surface", surface), NonsingularTerminalSurface):
+        words = "given with a NonsingularTerminalSurface; there are defaults for s = φ(e1) + e2"
+        raise ParameterError("reaching", None, words)
+    surfaces = gentle_surfaces(dt) if surface is None else (surface,)
+    slopes = [float(slope_at_zero(each, arm.nv).max()) for each in surfaces]
+    postures = _postures(arm)
+    for share in PAYLOAD_SHARES:
+        payload = share * _moving_mass(arm)
+        bounds = default_bounds(arm, postures, payload, model)
+        gains = bounds.gain_low / GAIN_HEADROOM, bounds.gain_high * GAIN_HEADROOM
+        for chosen, slope in zip(surfaces, slopes, strict=True):
+            margin = needed_margin(*gains, DELAY, slope * dt)
+            if np.isfinite(margin):
+                within = bounded_to_limits(chosen, arm) if surface is None else chosen
+                return DefaultLaw(within, _reaching(bounds, margin), payload)
+    words = f"shorter: no default gains are stable with a slope of {min(slopes):.3g} 1/s at e1 = 0"
+    raise ParameterError("dt", dt, words)
+
+
+def _reaching(bounds: Bounds, margin: float) -> SuperTwisting:
+    k2 = K2_OVER_MISMATCH * bounds.torque / bounds.inertia
+    return SuperTwisting(
+        K1_OVER_ROOT_K2 * np.sqrt(k2 / bounds.gain_low), k2, "matched", margin
+    )
+
+
+def gentle_surfaces(dt: float) -> tuple[FastTerminalSurface, ...]:
+    """Return the usual surfaces that are not too steep for a period, at least one.
+
+    Args:
+        dt: Control period [s].
+    """
+    surfaces = usual_surfaces()
+    gentle = [each for each in surfaces if float(slope_at_zero(each, 1)[0]) * dt <= _STEEPEST]
+    return tuple(gentle) or surfaces[-1:]
+
+
+def bounded_to_limits(surface: Surface, arm: ArmModel) -> BoundedSurface:
+    """Return a surface that asks for at most half of the joints' velocity limits, and for no more speed beyond 0.2 rad.
+
+    Args:
+        surface: The surface, with the same gains on every joint.
+        arm: The arm.
+    """
+    errors = np.geomspace(1e-6, _FAR, 200)
+    seen = np.interp(_SPEED_SHARE * arm.velocity_limit, surface.speed(errors), errors)
+    return BoundedSurface(surface, seen)
+
+
+class Bounds(NamedTuple):
+    """How far plants are from a model; arrays have shape (nv,).
+
+    Attributes:
+        torque: Largest torque that the model misses [N·m or N].
+        inertia: Smallest effective inertia 1/(M_true⁻¹)ᵢᵢ [kg·m² or kg].
+        gain_low: Smallest eigenvalue of M_true⁻¹·M_model.
+        gain_high: Largest one.
+    """
+
+    torque: Array
+    inertia: Array
+    gain_low: float
+    gain_high: float
+
+
+def default_bounds(
+    arm: ArmModel, postures: Sequence[Array], payload: float, model: Knowledge = "full"
+) -> Bounds:
+    """Return the bounds over the uncertainty that this module's text states.
+
+    Args:
+        arm: The controller's arm.
+        postures: Configurations, each of shape (nq,).
+        payload: Largest payload at the tool frame [kg].
+        model: What the controller knows of the arm.
+    """
+    torque, inertia, gains = np.zeros(arm.nv), np.full(arm.nv, np.inf), [1.0]
+    known, zero = arm.raw_dynamics, np.zeros(arm.nv)
+    for plant in (each.raw_dynamics for each in _plants(arm, payload)):
+        for q in postures:
+            M, M_true = known.mass_matrix(q), plant.mass_matrix(q)
+            missed = plant.bias(q, zero) - (known.bias(q, zero) if model == "full" else zero)
+            inverse = np.linalg.inv(M_true)
+            torque = np.maximum(
+                torque, np.abs(missed) + _ACCELERATION * np.abs(M_true - M).sum(axis=1)
+            )
+            inertia = np.minimum(inertia, 1.0 / np.diag(inverse))
+            gains += np.abs(np.linalg.eigvals(inverse @ M)).tolist()
+    return Bounds(torque + _friction(arm, model), inertia, min(gains), max(gains))
+
+
+def usual_surfaces() -> tuple[FastTerminalSurface, ...]:
+    """Return the fast terminal surfaces that defaults and proposals choose from, the steepest first."""
+    return tuple(FastTerminalSurface(smoothing=smoothing) for smoothing in SMOOTHINGS)
+
+
+def slope_at_zero(surface: Surface, nv: int) -> Array:
+    """Return the slope of s over e1 at zero, shape (nv,) [1/s]."""
+    return np.array(surface.feedforward(np.zeros(nv), np.ones(nv)))
+
+
+def _moving_mass(arm: ArmModel) -> float:
+    return float(sum(link.mass for link in list(arm.raw_dynamics.model.inertias)[1:]))
+
+
+def _plants(arm: ArmModel, payload: float) -> tuple[ArmModel, ArmModel]:
+    """The heaviest and the lightest plant."""
+    heavy = arm.with_scaled_inertia(1.0 + MASS_ERROR)
+    return (
+        heavy.with_payload(payload) if payload > 0.0 else heavy,
+        arm.with_scaled_inertia(1.0 - MASS_ERROR),
+    )
+
+
+def _friction(arm: ArmModel, model: Knowledge) -> Array:
+    """Friction that the model misses at most, shape (nv,) [N·m or N]."""
+    share = _FRICTION_ERROR if model == "full" else 1.0
+    own = share * (arm.coulomb + _SPEED * arm.viscous)
+    friction: Array = np.minimum(FRICTION, EFFORT_SHARE * arm.effort_limit) + own
+    return friction
+
+
+def _postures(arm: ArmModel) -> list[Array]:
+    """Postures within the joint limits, the same ones at every call."""
+    rng = np.random.default_rng(0)
+    drawn = [arm.random_configuration(rng) for _ in range(_POSTURES)]
+    return [np.array(arm.neutral), *drawn]
