@@ -58,6 +58,7 @@ K1_OVER_ROOT_K2 = 2.2
 SMOOTHINGS = (1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
 """Smoothing radii of the usual fast terminal surfaces [rad or m]; the first one is the default."""
 
+_LARGEST_MARGIN = 5.0  # beyond it the scheme is too slow for its friction
 _STEEPEST = 0.1  # slope of a default surface at e1 = 0 times the period
 _FAR = 0.2  # error from which a default surface asks for no more speed [rad or m]
 _SPEED_SHARE = 0.5  # of a joint's velocity limit
@@ -120,7 +121,7 @@ def default_law(
         gains = bounds.gain_low / GAIN_HEADROOM, bounds.gain_high * GAIN_HEADROOM
         for chosen, slope in zip(surfaces, slopes, strict=True):
             margin = needed_margin(*gains, DELAY, slope * dt)
-            if np.isfinite(margin):
+            if margin <= _LARGEST_MARGIN:
                 within = bounded_to_limits(chosen, arm) if surface is None else chosen
                 return DefaultLaw(within, _reaching(bounds, margin), payload)
     words = f"shorter: no default gains are stable with a slope of {min(slopes):.3g} 1/s at e1 = 0"
@@ -152,7 +153,7 @@ def bounded_to_limits(surface: Surface, arm: ArmModel) -> BoundedSurface:
         surface: The surface, with the same gains on every joint.
         arm: The arm.
     """
-    errors = np.geomspace(1e-6, _FAR, 200)
+    errors = _FAR * np.linspace(0.0, 1.0, 200)[1:] ** 4
     seen = np.interp(_SPEED_SHARE * arm.velocity_limit, surface.speed(errors), errors)
     return BoundedSurface(surface, seen)
 

@@ -52,18 +52,24 @@ def loop_matrix(g: float, margin: float, delay: int, slope_step: float) -> Array
 
 def is_stable(g: float, margin: float, delay: int, slope_step: float) -> bool:
     """Whether the loop with this input gain is stable; see `loop_matrix`."""
-    values = np.linalg.eigvals(loop_matrix(g, margin, delay, slope_step))
-    if (
-        slope_step == 0.0
-    ):  # a surface that is flat at e1 = 0 leaves e1 as a mere integral: nothing depends on it
-        values = np.delete(values, np.abs(values - 1.0).argmin())
-    return bool(np.abs(values).max() < 1.0)
+    return _are_stable(loop_matrix(g, margin, delay, slope_step)[None], slope_step)
 
 
 def tolerates(margin: float, low: float, high: float, delay: int, slope_step: float) -> bool:
     """Whether a margin keeps the loop stable for every input gain in [low, high]; see `needed_margin`."""
-    gains = np.geomspace(low, high, _GAINS).tolist()
-    return all(is_stable(g, margin, delay, slope_step) for g in gains)
+    gains = np.exp(np.linspace(np.log(low), np.log(high), _GAINS)).tolist()
+    loops = np.stack([loop_matrix(g, margin, delay, slope_step) for g in gains])
+    return _are_stable(loops, slope_step)
+
+
+def _are_stable(loops: Array, slope_step: float) -> bool:
+    """Whether all loops are stable, from their matrices, shape (N, n, n)."""
+    values = np.linalg.eigvals(loops)
+    sizes = np.abs(values)
+    if slope_step == 0.0:  # where the surface is flat e1 is a mere integral, which nothing depends on
+        rows = np.arange(len(loops))
+        sizes[rows, np.abs(values - 1.0).argmin(axis=1)] = 0.0
+    return bool(sizes.max() < 1.0)
 
 
 def needed_margin(low: float, high: float, delay: int, slope_step: float) -> float:
