@@ -130,9 +130,7 @@ def default_law(
 
 def _reaching(bounds: Bounds, margin: float) -> SuperTwisting:
     k2 = K2_OVER_MISMATCH * bounds.torque / bounds.inertia
-    return SuperTwisting(
-        K1_OVER_ROOT_K2 * np.sqrt(k2 / bounds.gain_low), k2, "matched", margin
-    )
+    return SuperTwisting(K1_OVER_ROOT_K2 * np.sqrt(k2 / bounds.gain_low), k2, "matched", margin)
 
 
 def gentle_surfaces(dt: float) -> tuple[FastTerminalSurface, ...]:

@@ -19,7 +19,6 @@ from ..law.super_twisting import SuperTwisting
 from ..robot.arm_model import ArmModel
 from .observers import ObserverState, SuperTwistingDisturbanceObserver
 
-
 _USUAL_GAIN = 100.0  # rad/s: 16 Hz, faster than a hand pushes
 _USUAL_GAIN_TIMES_PERIOD = 0.1
 

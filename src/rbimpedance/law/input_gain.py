@@ -66,7 +66,9 @@ def _are_stable(loops: Array, slope_step: float) -> bool:
     """Whether all loops are stable, from their matrices, shape (N, n, n)."""
     values = np.linalg.eigvals(loops)
     sizes = np.abs(values)
-    if slope_step == 0.0:  # where the surface is flat e1 is a mere integral, which nothing depends on
+    if (
+        slope_step == 0.0
+    ):  # where the surface is flat e1 is a mere integral, which nothing depends on
         rows = np.arange(len(loops))
         sizes[rows, np.abs(values - 1.0).argmin(axis=1)] = 0.0
     return bool(sizes.max() < 1.0)

@@ -17,11 +17,11 @@ from ..control.default_gains import (
     usual_surfaces,
 )
 from ..control.protocol import Backend
+from ..law.input_gain import LARGEST_MARGIN, gain_limit, needed_margin, tolerates
 from ..law.limits import Limits
 from ..law.surfaces import Surface
 from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory
-from ..law.input_gain import LARGEST_MARGIN, tolerates, gain_limit, needed_margin
 from .mismatch import Mismatch, carried_model, measure
 from .motions import MotionMargin, sample_motions
 from .plant_sample import PlantSample

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,10 +22,11 @@ from ..law.super_twisting import SuperTwisting
 from ..law.surfaces import NonsingularTerminalSurface, Surface
 from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory
-from .checks import Checked, check
+from .checks import Checked, solve
 from .gain_design import Task, measure_task
 from .mismatch import Mismatch
 from .motions import MotionMargin
+from .remedies import Remedy, Trial, Tried, try_remedies
 from .torque_demand import TorqueDemand
 from .uncertainty import Uncertainty
 from .worst_case import ExtremeCase
@@ -38,7 +40,9 @@ class GainProposal:
         feasible: Whether bounds, certificate, the scheme's margins and the worst samples all allow these gains.
         reason: Why not; empty where feasible.
         joint: Name of the joint that stands in the way, or None.
-        remedies: What would help, with what it would change.
+        remedies: Changes with which the same call was made again and was feasible, each alone; `remedy.changes` are its
+            arguments of `propose_gains`. Empty where feasible.
+        failed_remedies: Changes that were tried and are not enough alone.
         nominal: The arm as it was given.
         arm: The model that the controller should carry.
         payload: Payload in that model [kg].
@@ -63,7 +67,8 @@ class GainProposal:
     feasible: bool
     reason: str
     joint: str | None
-    remedies: tuple[str, ...]
+    remedies: tuple[Remedy, ...]
+    failed_remedies: tuple[str, ...]
     nominal: ArmModel
     arm: ArmModel
     payload: float
@@ -109,14 +114,24 @@ class GainProposal:
         """Say in plain language what is proposed, or why nothing is and what would help."""
         mismatch = self.mismatch
         if not self.feasible:
-            ways = "\n".join(f"- {way}" for way in self.remedies)
-            return f"No gains: {self.reason}.\nWays out:\n{ways}"
+            return f"No gains: {self.reason}.\n{self._explain_remedies()}"
         return (
             f"The controller carries {self.payload:.3g} kg. A plant answers with {mismatch.gain_low:.2g} to "
             f"{mismatch.gain_high:.2g} times the acceleration that the model expects; the scheme bears up to "
             f"{self.gain_limit:.2g} with margin {float(self.margin.max()):.3g} at dt = {self.dt:g} s. The error that "
             f"remains is about {self.error.max():.2g} rad." + self._explain_torque()
         )
+
+    def _explain_remedies(self) -> str:
+        """What was tried, with and without success."""
+        failed = f"Not enough alone: {'; '.join(self.failed_remedies)}."
+        if not self.remedies:
+            return (
+                f"No remedy was found. {failed}" if self.failed_remedies else "No remedy was found."
+            )
+        remedies = "\n".join(f"- {remedy}" for remedy in self.remedies)
+        told = f"Remedies, each tried and enough alone:\n{remedies}"
+        return f"{told}\n{failed}" if self.failed_remedies else told
 
     def _explain_torque(self) -> str:
         """The joint that comes nearest to its limits, if there are any."""
@@ -127,6 +142,34 @@ class GainProposal:
         return f" Of its limits joint '{name}' needs the most, {share:.0%}."
 
     ways_out = renamed_attribute("ways_out", "remedies")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Search:
+    """How a proposal is searched for.
+
+    Attributes:
+        samples: Number of plants that the bounds are taken over, extremes first.
+        instants: Number of instants along the trajectory.
+        seed: Of everything random.
+        backend: Who computes the simulations; "compiled" is several times as fast once it is compiled, see `simulate`.
+        on_tick: Called with (ticks done, ticks in all) of every simulation, for a progress bar.
+
+    Raises:
+        ParameterError: A count that is not a whole number, or too small.
+    """
+
+    samples: int = 24
+    instants: int = 25
+    seed: int = 0
+    backend: Backend = "pinocchio"
+    on_tick: Callable[[int, int], None] | None = None
+
+    def __post_init__(self) -> None:
+        """Check the counts."""
+        whole_number("samples", self.samples, 1)
+        whole_number("instants", self.instants, 1)
+        whole_number("seed", self.seed)
 
 
 def propose_gains(
@@ -142,11 +185,7 @@ def propose_gains(
     limits: Limits | ArrayLike | None = None,
     duration: float = 5.0,
     accuracy: float = 1e-3,
-    samples: int = 24,
-    instants: int = 25,
-    seed: int = 0,
-    backend: Backend = "pinocchio",
-    on_tick: Callable[[int, int], None] | None = None,
+    **search: Any,
 ) -> GainProposal:
     """Propose gains for an arm from what is not known about it.
 
@@ -167,21 +206,19 @@ def propose_gains(
             to be possible within them on every plant, and the controller keeps them. None for none.
         duration: Length of the motion that counts, and of the simulations [s].
         accuracy: Error abs(e1) that is asked for once the reaching phase is over [rad or m].
-        samples: Number of plants that the bounds are taken over, extremes first.
-        instants: Number of instants along the trajectory.
-        seed: Of everything random.
-        backend: Who computes the simulations; "compiled" is several times as fast once it is compiled, see `simulate`.
-        on_tick: Called with (ticks done, ticks in all) of every simulation, for a progress bar.
+        **search: The fields of `Search`: samples, instants, seed, backend, on_tick.
 
     Returns:
-        The proposal: yes with the numbers behind it, or no with the joint, the reason and the ways out.
+        The proposal: yes with the numbers behind it, or no with the joint, the reason and remedies that were tried.
 
     Raises:
         ParameterError: A period, duration, accuracy, limit or count that cannot be, or a surface that Theorem 1 does
             not cover.
         DimensionError: A range, the surface, a limit or q0 is for another number of joints.
         ModelError: The arm has no such payload frame.
+        TypeError: A keyword that there is not.
     """
+    how = Search(**search)
     if isinstance(surface, NonsingularTerminalSurface):
         raise ParameterError("surface", surface, "one with s = φ(e1) + e2, power or fast terminal")
     task = Task(
@@ -192,17 +229,21 @@ def propose_gains(
         surface=surface,
         duration=positive_number("duration", duration, "length in seconds"),
         accuracy=positive_number("accuracy", accuracy, "error"),
-        samples=whole_number("samples", samples, 1),
-        instants=whole_number("instants", instants, 1),
-        seed=whole_number("seed", seed),
+        samples=how.samples,
+        instants=how.instants,
+        seed=how.seed,
         spread=MotionMargin() if spread is None else spread,
         limits=_checked_limits(limits, arm.nv),
-        backend=backend,
+        backend=how.backend,
     )
     q0 = np.array(arm.neutral if q0 is None else arm.check_configuration("q0", q0))
     measured = measure_task(task)
     target = _usual_impedance() if impedance is None else impedance
-    return _proposal(task, check(task, measured, target, q0, on_tick))
+    checked = solve(task, measured, target, q0, how.on_tick)
+    tried = Tried((), (), complete=True)
+    if checked.design.joint is not None:
+        tried = try_remedies(Trial(task, target, q0, how.on_tick), checked)
+    return _proposal(task, checked, tried)
 
 
 def _checked_limits(limits: Limits | ArrayLike | None, nv: int) -> Limits | None:
@@ -213,7 +254,7 @@ def _checked_limits(limits: Limits | ArrayLike | None, nv: int) -> Limits | None
     return limits
 
 
-def _proposal(task: Task, checked: Checked) -> GainProposal:
+def _proposal(task: Task, checked: Checked, tried: Tried) -> GainProposal:
     found, demand = checked.design, checked.demand
     feasible = found.joint is None
     margin = np.full(task.arm.nv, found.margin)
@@ -223,7 +264,8 @@ def _proposal(task: Task, checked: Checked) -> GainProposal:
         feasible=feasible,
         reason=found.reason,
         joint=None if found.joint is None else task.arm.joint_names[found.joint],
-        remedies=checked.remedies,
+        remedies=tried.remedies,
+        failed_remedies=tried.failed,
         nominal=task.arm,
         arm=found.measured.model,
         payload=found.measured.payload,
