@@ -52,7 +52,8 @@ class ImpedanceController:
     A controller is immutable. `step` is pure: the same arguments give the same, bit-equal answer, in any thread.
 
     Attributes:
-        arm: The controller's model of the arm.
+        arm: The controller's model of the arm; with default gains, where friction is stiff against the period, it holds
+            friction as `control.default_gains.model_for_period` says.
         impedance: Target impedance; by default critically damped and no lighter than the arm.
         surface: Sliding surface; by default a fast terminal one, bounded to half of the joints' velocity limits.
         reaching: Reaching law; by default for links 10 % heavier or lighter, a payload of 5 % of the arm's mass and
@@ -105,7 +106,7 @@ class ImpedanceController:
         if surface is None or reaching is None:
             law = default_law(arm, dt, model, surface)
             surface = law.surface
-            reaching = law.reaching if reaching is None else reaching
+            arm, reaching = (arm, reaching) if reaching is not None else (law.arm, law.reaching)
         for owner in (surface, getattr(surface, "surface", None), reaching, limits):
             for name, value in vars(owner).items() if owner is not None else ():
                 if isinstance(value, np.ndarray):

@@ -4,8 +4,8 @@ The gains tolerate, all at once,
 
 - links that are `MASS_ERROR` heavier or lighter than in the model,
 - a payload of 5 % of the arm's moving mass at the tool frame (`PAYLOAD_SHARES`), which the model does not hold,
-- friction that the model does not hold: `FRICTION` on each joint, at most `EFFORT_SHARE` of its effort limit, and half of
-  what the model does hold,
+- dry friction that the model does not hold, `FRICTION` or at most `EFFORT_SHARE` of the joint's effort limit, and
+  `FRICTION_ERROR` more or less friction than the model holds,
 - one period of delay from the measurement to the torque.
 
 The bounds are taken over postures within the joint limits, by a formula and without simulation: a constructor has a
@@ -29,6 +29,7 @@ from ..law.super_twisting import SuperTwisting
 from ..law.surfaces import FastTerminalSurface, NonsingularTerminalSurface, Surface
 from ..robot.arm_model import ArmModel
 from ..robot.knowledge import Knowledge
+from ..robot.pinocchio_dynamics import COULOMB_SMOOTHING
 
 MASS_ERROR = 0.1
 """Share by which the links may be heavier or lighter than in the model."""
@@ -42,6 +43,9 @@ FRICTION = 0.5
 
 EFFORT_SHARE = 0.05
 """That friction is at most this share of the joint's effort limit."""
+
+FRICTION_ERROR = 0.3
+"""Share by which the friction of the model may be too large or too small."""
 
 DELAY = 1
 """Periods from a measurement to the torque that it leads to."""
@@ -58,11 +62,15 @@ K1_OVER_ROOT_K2 = 2.2
 SMOOTHINGS = (1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
 """Smoothing radii of the usual fast terminal surfaces [rad or m]; the first one is the default."""
 
+_STIFF = 0.5  # friction over a period, as a share of the joint's inertia
+_STIFF_MARGIN, _STIFF_GAIN = (
+    6.0,
+    0.3,
+)  # least margin, and largest input gain that k1 counts on, where friction is stiff
 _LARGEST_MARGIN = 5.0  # beyond it the scheme is too slow for its friction
 _STEEPEST = 0.1  # slope of a default surface at e1 = 0 times the period
 _FAR = 0.2  # error from which a default surface asks for no more speed [rad or m]
 _SPEED_SHARE = 0.5  # of a joint's velocity limit
-_FRICTION_ERROR = 0.5  # share by which the friction of the model may be wrong
 _ACCELERATION = 1.0  # of the motion [rad/s² or m/s²]
 _SPEED = 1.0  # of the motion [rad/s or m/s]
 _POSTURES = 16
@@ -84,11 +92,13 @@ class DefaultLaw(NamedTuple):
     """Surface and gains that a controller takes where none are given, and what payload they tolerate.
 
     Attributes:
+        arm: The controller's model: the arm itself, or where its friction is stiff `model_for_period`.
         surface: Sliding surface.
         reaching: Gains per joint, and the margin.
         payload: Payload at the tool frame that the model need not hold [kg].
     """
 
+    arm: ArmModel
     surface: Surface
     reaching: SuperTwisting
     payload: float
@@ -115,22 +125,50 @@ def default_law(
     surfaces = gentle_surfaces(dt) if surface is None else (surface,)
     slopes = [float(slope_at_zero(each, arm.nv).max()) for each in surfaces]
     postures = _postures(arm)
+    known = model_for_period(arm, postures, dt)
     for share in PAYLOAD_SHARES:
         payload = share * _moving_mass(arm)
-        bounds = default_bounds(arm, postures, payload, model)
+        bounds = default_bounds(arm, postures, payload, dt, model)
         gains = bounds.gain_low / GAIN_HEADROOM, bounds.gain_high * GAIN_HEADROOM
         for chosen, slope in zip(surfaces, slopes, strict=True):
             margin = needed_margin(*gains, DELAY, slope * dt)
             if margin <= _LARGEST_MARGIN:
                 within = bounded_to_limits(chosen, arm) if surface is None else chosen
-                return DefaultLaw(within, _reaching(bounds, margin), payload)
+                reaching = _reaching(bounds, margin, is_stiff=known is not arm)
+                return DefaultLaw(known, within, reaching, payload)
     words = f"shorter: no default gains are stable with a slope of {min(slopes):.3g} 1/s at e1 = 0"
     raise ParameterError("dt", dt, words)
 
 
-def _reaching(bounds: Bounds, margin: float) -> SuperTwisting:
-    k2 = K2_OVER_MISMATCH * bounds.torque / bounds.inertia
-    return SuperTwisting(K1_OVER_ROOT_K2 * np.sqrt(k2 / bounds.gain_low), k2, "matched", margin)
+def _reaching(bounds: Bounds, margin: float, *, is_stiff: bool) -> SuperTwisting:
+    k2, gain_low = K2_OVER_MISMATCH * bounds.torque / bounds.inertia, bounds.gain_low
+    if is_stiff:
+        margin, gain_low = max(margin, _STIFF_MARGIN), min(gain_low, _STIFF_GAIN)
+    return SuperTwisting(K1_OVER_ROOT_K2 * np.sqrt(k2 / gain_low), k2, "matched", margin)
+
+
+def model_for_period(arm: ArmModel, postures: Sequence[Array], dt: float) -> ArmModel:
+    """Return the model for a torque that is held for a period: the arm itself unless its friction is stiff.
+
+    Over a period h friction adds h·slope to a joint's inertia. Where that is as large as the inertia itself, as on
+    light wrists without rotors, the model gets the geometric mean of what dry friction adds at rest and in motion as
+    armature, and the least friction that is expected: too much compensation drives such a joint.
+
+    Args:
+        arm: The arm.
+        postures: Configurations, each of shape (nq,).
+        dt: Control period [s].
+    """
+    slope = arm.viscous + arm.coulomb / COULOMB_SMOOTHING
+    inverses = [np.linalg.inv(arm.raw_dynamics.mass_matrix(q)) for q in postures]
+    inertia = np.min([1.0 / np.diag(inverse) for inverse in inverses], axis=0)
+    is_stiff = dt * slope > _STIFF * inertia
+    if not is_stiff.any():
+        return arm
+    added = np.sqrt((inertia + dt * arm.viscous) * (inertia + dt * slope)) - inertia
+    share = np.where(is_stiff, 1.0 - FRICTION_ERROR, 1.0)
+    gentler = arm.with_friction(share * arm.viscous, share * arm.coulomb)
+    return gentler.with_armature(arm.armature + is_stiff * added)
 
 
 def gentle_surfaces(dt: float) -> tuple[FastTerminalSurface, ...]:
@@ -173,7 +211,11 @@ class Bounds(NamedTuple):
 
 
 def default_bounds(
-    arm: ArmModel, postures: Sequence[Array], payload: float, model: Knowledge = "full"
+    arm: ArmModel,
+    postures: Sequence[Array],
+    payload: float,
+    dt: float,
+    model: Knowledge = "full",
 ) -> Bounds:
     """Return the bounds over the uncertainty that this module's text states.
 
@@ -181,6 +223,7 @@ def default_bounds(
         arm: The controller's arm.
         postures: Configurations, each of shape (nq,).
         payload: Largest payload at the tool frame [kg].
+        dt: Control period, over which viscous friction counts as inertia [s].
         model: What the controller knows of the arm.
     """
     torque, inertia, gains = np.zeros(arm.nv), np.full(arm.nv, np.inf), [1.0]
@@ -193,7 +236,8 @@ def default_bounds(
             torque = np.maximum(
                 torque, np.abs(missed) + _ACCELERATION * np.abs(M_true - M).sum(axis=1)
             )
-            inertia = np.minimum(inertia, 1.0 / np.diag(inverse))
+            held = np.diag((1.0 - FRICTION_ERROR) * dt * arm.viscous)
+            inertia = np.minimum(inertia, 1.0 / np.diag(np.linalg.inv(M_true + held)))
             gains += np.abs(np.linalg.eigvals(inverse @ M)).tolist()
     return Bounds(torque + _friction(arm, model), inertia, min(gains), max(gains))
 
@@ -223,7 +267,7 @@ def _plants(arm: ArmModel, payload: float) -> tuple[ArmModel, ArmModel]:
 
 def _friction(arm: ArmModel, model: Knowledge) -> Array:
     """Friction that the model misses at most, shape (nv,) [N·m or N]."""
-    share = _FRICTION_ERROR if model == "full" else 1.0
+    share = FRICTION_ERROR if model == "full" else 1.0
     own = share * (arm.coulomb + _SPEED * arm.viscous)
     friction: Array = np.minimum(FRICTION, EFFORT_SHARE * arm.effort_limit) + own
     return friction

@@ -1,9 +1,9 @@
 """Compliance without a force sensor: the arm's own inertia with a spring and a damper, or an observer for tau_ext.
 
 Without a sensor nothing can tell a push from what the model does not know: both are torque that the model does not
-explain. A controller can reject that torque, as a sliding mode does, or yield to it, as a spring does; it cannot do both
-to the same torque. Both controllers here draw the line by size: what stays below `reject` on a joint counts as friction
-or model error and is compensated, what is beyond it counts as a push and moves the arm.
+explain. A controller can reject that torque, as a sliding mode does, or yield to it, as a spring does; it cannot do
+both to the same torque. Both controllers here draw the line by size: what stays below `reject` on a joint counts as
+friction or model error and is compensated, what is beyond it counts as a push and moves the arm.
 """
 
 from __future__ import annotations
@@ -71,8 +71,8 @@ class CompliantController:
 
         tau = M(q) a_d + C(q, v) v_d + g(q) + friction(v) + D(q)(v_d - v) + K(q_d - q) - rejected
 
-    With e = q - q_d the arm obeys M ë + (C + D) ė + K e = tau_ext + w - rejected, with w what the model does not know: a
-    constant force moves it by K⁻¹·tau_ext, measured or not. From ½ ėᵀM ė + ½ eᵀK e it is passive towards whatever it
+    With e = q - q_d the arm obeys M ë + (C + D) ė + K e = tau_ext + w - rejected, with w what the model does not know:
+    a constant force moves it by K⁻¹·tau_ext, measured or not. From ½ ėᵀM ė + ½ eᵀK e it is passive towards whatever it
     touches, for any D(q) > 0, as long as nothing is rejected.
 
     The price of not measuring: w acts like a push. A payload that is not in the model lets the arm sag by K⁻¹·w, and no

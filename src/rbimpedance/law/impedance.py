@@ -18,8 +18,8 @@ from .._common.frozen import set_fields
 from ..exceptions import DimensionError, ParameterError
 
 _MISSING = {
-    "mass": "a positive number, as in Impedance(1.0, stiffness=100.0); an arm that keeps its own inertia needs none, see "
-    "`CompliantController`",
+    "mass": "a positive number, as in Impedance(1.0, stiffness=100.0); an arm that keeps its own inertia needs none, "
+    "see `CompliantController`",
     "stiffness": "a positive number, as in Impedance(1.0, stiffness=100.0); a small one lets the arm be led by hand",
 }
 

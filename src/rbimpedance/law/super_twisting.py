@@ -54,11 +54,12 @@ class SuperTwisting:
         k1: Gain of the root, scalar or (nv,) [rad^½/s^(3/2)].
         k2: Gain of the integral, scalar or (nv,) [rad/s³]; it has to exceed the disturbance's rate.
         scheme: "explicit", "matched" or "implicit".
-        margin: At least 1. The matched scheme is designed for margin·dt, so it tolerates an input gain too high by about
-            that factor, at a cost in precision.
+        margin: At least 1. The matched scheme is designed for margin·dt, so it tolerates an input gain too high by
+            about that factor, at a cost in precision.
 
     Raises:
-        ParameterError: k1 or k2 missing, k1 ≤ 0, k2 ≤ 0, margin < 1, margin ≠ 1 with another scheme than "matched", or an unknown scheme.
+        ParameterError: k1 or k2 missing,
+            k1 ≤ 0, k2 ≤ 0, margin < 1, margin ≠ 1 with another scheme than "matched", or an unknown scheme.
     """
 
     k1: Array

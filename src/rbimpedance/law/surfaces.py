@@ -151,8 +151,8 @@ class FastTerminalSurface:
         exponent: α, ½ < α < 1, scalar or (nv,).
         smoothing: ε > 0, scalar or (nv,) [rad or m].
 
-    The defaults bring 0.2 rad to 1 mrad in 0.32 s, at 1.5 rad/s or less. They suit periods up to about 1 ms; beyond, take a
-    larger ε, as `ImpedanceController(arm, dt=...)` does.
+    The defaults bring 0.2 rad to 1 mrad in 0.32 s, at 1.5 rad/s or less. They suit periods up to about 1 ms; beyond,
+    take a larger ε, as `ImpedanceController(arm, dt=...)` does.
 
     Raises:
         ParameterError: A gain that is not positive, or α outside (½, 1).

@@ -42,7 +42,7 @@ class GainProposal:
         joint: Name of the joint that stands in the way, or None.
         remedies: Changes with which the same call was made again and was feasible, each alone; `remedy.changes` are its
             arguments of `propose_gains`. Empty where feasible.
-        failed_remedies: Changes that were tried and are not enough alone.
+        tried: What came of all changes that were tried, those included that are not enough.
         nominal: The arm as it was given.
         arm: The model that the controller should carry.
         payload: Payload in that model [kg].
@@ -68,7 +68,7 @@ class GainProposal:
     reason: str
     joint: str | None
     remedies: tuple[Remedy, ...]
-    failed_remedies: tuple[str, ...]
+    tried: Tried
     nominal: ArmModel
     arm: ArmModel
     payload: float
@@ -124,14 +124,14 @@ class GainProposal:
 
     def _explain_remedies(self) -> str:
         """What was tried, with and without success."""
-        failed = f"Not enough alone: {'; '.join(self.failed_remedies)}."
-        if not self.remedies:
-            return (
-                f"No remedy was found. {failed}" if self.failed_remedies else "No remedy was found."
-            )
-        remedies = "\n".join(f"- {remedy}" for remedy in self.remedies)
-        told = f"Remedies, each tried and enough alone:\n{remedies}"
-        return f"{told}\n{failed}" if self.failed_remedies else told
+        lines = [f"- {remedy}" for remedy in self.remedies]
+        heading = "Remedies, each tried and enough:" if lines else "No remedy was found."
+        lines.insert(0, heading)
+        if self.tried.failed:
+            lines.append(f"Tried and not enough: {'; '.join(self.tried.failed)}.")
+        if not self.tried.complete:
+            lines.append("There was no time for more; remedy_time= gives some.")
+        return "\n".join(lines)
 
     def _explain_torque(self) -> str:
         """The joint that comes nearest to its limits, if there are any."""
@@ -154,9 +154,10 @@ class Search:
         seed: Of everything random.
         backend: Who computes the simulations; "compiled" is several times as fast once it is compiled, see `simulate`.
         on_tick: Called with (ticks done, ticks in all) of every simulation, for a progress bar.
+        remedy_time: Time after which no more remedies are tried for a task that is not feasible; 0 for none [s].
 
     Raises:
-        ParameterError: A count that is not a whole number, or too small.
+        ParameterError: A time below 0, a count that is not a whole number, or too small.
     """
 
     samples: int = 24
@@ -164,9 +165,12 @@ class Search:
     seed: int = 0
     backend: Backend = "pinocchio"
     on_tick: Callable[[int, int], None] | None = None
+    remedy_time: float = 30.0
 
     def __post_init__(self) -> None:
-        """Check the counts."""
+        """Check the numbers."""
+        if not self.remedy_time >= 0.0:
+            raise ParameterError("remedy_time", self.remedy_time, "a time in seconds, 0 or more")
         whole_number("samples", self.samples, 1)
         whole_number("instants", self.instants, 1)
         whole_number("seed", self.seed)
@@ -206,7 +210,7 @@ def propose_gains(
             to be possible within them on every plant, and the controller keeps them. None for none.
         duration: Length of the motion that counts, and of the simulations [s].
         accuracy: Error abs(e1) that is asked for once the reaching phase is over [rad or m].
-        **search: The fields of `Search`: samples, instants, seed, backend, on_tick.
+        **search: The fields of `Search`: samples, instants, seed, backend, on_tick, remedy_time.
 
     Returns:
         The proposal: yes with the numbers behind it, or no with the joint, the reason and remedies that were tried.
@@ -240,9 +244,10 @@ def propose_gains(
     measured = measure_task(task)
     target = _usual_impedance() if impedance is None else impedance
     checked = solve(task, measured, target, q0, how.on_tick)
-    tried = Tried((), (), complete=True)
+    tried = Tried()
     if checked.design.joint is not None:
-        tried = try_remedies(Trial(task, target, q0, how.on_tick), checked)
+        trial = Trial(task, target, q0, how.on_tick, how.remedy_time)
+        tried = try_remedies(trial, checked)
     return _proposal(task, checked, tried)
 
 
@@ -265,7 +270,7 @@ def _proposal(task: Task, checked: Checked, tried: Tried) -> GainProposal:
         reason=found.reason,
         joint=None if found.joint is None else task.arm.joint_names[found.joint],
         remedies=tried.remedies,
-        failed_remedies=tried.failed,
+        tried=tried,
         nominal=task.arm,
         arm=found.measured.model,
         payload=found.measured.payload,

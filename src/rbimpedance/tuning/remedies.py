@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -17,9 +19,6 @@ from .torque_limits import within_limits
 
 KNOWN_ARMATURE = 0.1
 """Reflected inertia that geared arms of this size have [kg·m²]; URDFs leave it out."""
-
-MOST_TICKS = 250_000
-"""Simulated control periods after which no more changes are tried."""
 
 _LONGER = (2.0, 4.0)
 _SLOWER = (1.5, 3.0)
@@ -52,12 +51,12 @@ class Tried(NamedTuple):
     Attributes:
         remedies: Changes that are enough, each alone.
         failed: Changes that are not, in words.
-        complete: Whether every change that there is was tried.
+        complete: Whether there was time for every change.
     """
 
-    remedies: tuple[Remedy, ...]
-    failed: tuple[str, ...]
-    complete: bool
+    remedies: tuple[Remedy, ...] = ()
+    failed: tuple[str, ...] = ()
+    complete: bool = True
 
 
 class Trial(NamedTuple):
@@ -68,12 +67,14 @@ class Trial(NamedTuple):
         impedance: Target impedance of the simulations.
         q0: Initial configuration, shape (nq,).
         on_tick: Called with (ticks done, ticks in all) of every simulation.
+        seconds: Time after which no more changes are tried.
     """
 
     task: Task
     impedance: Impedance
     q0: Array
     on_tick: Callable[[int, int], None] | None
+    seconds: float
 
     def of(self, changes: Mapping[str, Any]) -> Checked:
         """Return what comes of the task with changed arguments."""
@@ -83,26 +84,25 @@ class Trial(NamedTuple):
 
 
 def try_remedies(trial: Trial, refused: Checked) -> Tried:
-    """Try one change after another, of each kind the gentlest first, and stop after `MOST_TICKS`.
+    """Try one change after another, of each kind the gentlest first; where none is enough, several together.
 
     Args:
         trial: How to try them.
         refused: What came of the task as it is.
     """
+    end = time.monotonic() + trial.seconds
     remedies: list[Remedy] = []
     failed: list[str] = []
-    ticks = 0
-    for way in _ways(trial, refused):
+    for way in itertools.chain(_ways(trial, refused), _together(trial, remedies)):
         for words, changes in way:
-            if ticks >= MOST_TICKS:
+            if time.monotonic() > end:
                 return Tried(tuple(remedies), tuple(failed), complete=False)
-            found = trial.of(changes)
-            ticks += sum(len(case.result.t) for case in found.worst)
-            if found.design.joint is None:
-                remedies.append(Remedy(words + _error(found.design), changes))
+            found = trial.of(changes).design
+            if found.joint is None:
+                remedies.append(Remedy(words + _figures(found), changes))
                 break
             failed.append(words)
-    return Tried(tuple(remedies), tuple(failed), complete=True)
+    return Tried(tuple(remedies), tuple(failed))
 
 
 Step = tuple[str, dict[str, Any]]
@@ -127,6 +127,23 @@ def _ways(trial: Trial, refused: Checked) -> Iterator[list[Step]]:
     yield _slower_motion(task)
     if task.surface is not None:
         yield [("a surface that the proposal chooses (surface=None)", {"surface": None})]
+
+
+def _together(trial: Trial, remedies: list[Remedy]) -> Iterator[list[Step]]:
+    """The strongest steps of several kinds at once, if no single one was enough."""
+    if remedies:
+        return
+    task, words, changes = trial.task, list[str](), dict[str, Any]()
+    for kind in (_period, _delay_and_noise, _payload, _armature):
+        if steps := kind(task):
+            word, change = steps[-1]
+            words.append(word)
+            changes |= change
+            task = replace(task, **change)
+            if len(words) > 1:
+                yield [(f"together: {', '.join(words)}", dict(changes))]
+                if remedies:
+                    return
 
 
 def _longer(task: Task) -> list[Step]:
@@ -205,5 +222,5 @@ def _slower_motion(task: Task) -> list[Step]:
     ]
 
 
-def _error(found: Design) -> str:
+def _figures(found: Design) -> str:
     return f": margin {found.margin:.2g}, error {float(found.error.max()):.2g} rad"
