@@ -19,7 +19,7 @@ from rbimpedance.trajectories import Trajectory, cosine, hold
 from rbimpedance.tuning import GainProposal, PlantSample, Uncertainty, propose_gains, slowed
 from rbimpedance.tuning.gain_design import Design, Task, design, measure_task
 from rbimpedance.tuning.gains_file import load_gains, save_gains
-from rbimpedance.tuning.mismatch import Mismatch, carried_model, measure
+from rbimpedance.tuning.mismatch import Mismatch, balanced_model, measure
 from rbimpedance.tuning.motions import MotionMargin, sample_motions
 from rbimpedance.tuning.torque_demand import RESERVE_ACCELERATION, Exertion
 
@@ -164,7 +164,7 @@ def test_carried_payload_balances_the_gain_at_both_ends_of_the_range() -> None:
     """A pendulum with bob M answers a model with bob c by c/M: the balance of [2, 6] kg is √12 - 2 kg of payload."""
     arm = pendulum()
     motions = sample_motions(arm, hold(arm), 1.0, DT, 2, seed=0, spread=MotionMargin())
-    _, payload = carried_model(arm, Uncertainty(payload=4.0), motions, DT)
+    _, payload = balanced_model(arm, Uncertainty(payload=4.0), motions, DT)
     assert payload == pytest.approx(np.sqrt(12.0) - 2.0, abs=0.2)
 
 
@@ -172,7 +172,7 @@ def test_stiff_friction_joins_the_armature_as_a_held_torque_meets_it() -> None:
     """Viscous friction d alone: over a period h the joint answers with M/(M + h·d) of the free acceleration."""
     arm = pendulum().with_friction(viscous=500.0)
     motions = sample_motions(arm, hold(arm), 1.0, DT, 2, seed=0, spread=MotionMargin())
-    model, _ = carried_model(arm, Uncertainty(), motions, DT)
+    model, _ = balanced_model(arm, Uncertainty(), motions, DT)
     np.testing.assert_allclose(model.armature, DT * 500.0, rtol=1e-9)
     start = np.zeros(1)
     push = model.inverse_dynamics(start, start, [1.0])

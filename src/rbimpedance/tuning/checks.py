@@ -1,4 +1,4 @@
-"""What gains are put to before they are proposed: certificate, torque limits, and the worst samples in simulation."""
+"""How gains are checked before they are proposed: certificate, torque limits, and the worst samples in simulation."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ROUNDS = 3
 
 
 class Checked(NamedTuple):
-    """A design, and what it was put to.
+    """A design, and what its checks found.
 
     Attributes:
         design: The gains; with a joint and a reason where they are refused.

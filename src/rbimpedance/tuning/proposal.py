@@ -1,4 +1,4 @@
-"""`propose_gains`: from what is not known about an arm to gains that carry it, or to the reason why none do."""
+"""`propose_gains`: from what is not known about an arm to gains that tolerate it, or to the reason why none do."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class GainProposal:
             arguments of `propose_gains`. Empty where feasible.
         tried: What came of all changes that were tried, those included that are not enough.
         nominal: The arm as it was given.
-        arm: The model that the controller should carry.
+        arm: The model that the controller should use.
         payload: Payload in that model [kg].
         uncertainty: What is not known.
         trajectory: The motion that it was made for.
@@ -54,7 +54,7 @@ class GainProposal:
         k2: Gain of the integral [rad/s³].
         margin: Of the matched scheme.
         mismatch: The bounds behind the gains.
-        gain_limit: Input gain that the scheme bears at this margin and period; 0 where there is none.
+        gain_limit: Input gain that the scheme tolerates at this margin and period; 0 where there is none.
         error: Error e1 that the scheme leaves, predicted [rad or m].
         noise_error: Error e1 that the sensors' noise stands for [rad or m].
         noise_torque: Torque that it stands for, about [N·m or N].
@@ -116,10 +116,10 @@ class GainProposal:
         if not self.feasible:
             return f"No gains: {self.reason}.\n{self._explain_remedies()}"
         return (
-            f"The controller carries {self.payload:.3g} kg. A plant answers with {mismatch.gain_low:.2g} to "
-            f"{mismatch.gain_high:.2g} times the acceleration that the model expects; the scheme bears up to "
+            f"The controller's model holds a payload of {self.payload:.3g} kg. A plant answers with {mismatch.gain_low:.2g} to "
+            f"{mismatch.gain_high:.2g} times the acceleration that the model expects; the scheme tolerates up to "
             f"{self.gain_limit:.2g} with margin {float(self.margin.max()):.3g} at dt = {self.dt:g} s. The error that "
-            f"remains is about {self.error.max():.2g} rad." + self._explain_torque()
+            f"is left is about {self.error.max():.2g} rad." + self._explain_torque()
         )
 
     def _explain_remedies(self) -> str:

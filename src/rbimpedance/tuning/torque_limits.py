@@ -92,11 +92,11 @@ def without_reserve(task: Task, found: Design, demand: TorqueDemand) -> Design:
     """Add what its limit leaves the tightest joint to the reason of a design that does not converge."""
     left = demand.limit - demand.needed
     joint = int(np.argmin(left / demand.reserve))
-    told = (
+    words = (
         f"; the motion leaves joint '{task.arm.joint_names[joint]}' {_figure(left[joint])} of "
         f"{_figure(demand.limit[joint])} N·m, where {_figure(demand.reserve[joint])} N·m are wanted to converge"
     )
-    return replace(found, reason=found.reason + told)
+    return replace(found, reason=found.reason + words)
 
 
 def _slower(task: Task, found: Design) -> list[tuple[str, dict[str, Any]]]:
