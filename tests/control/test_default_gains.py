@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -46,6 +47,19 @@ ARMS: dict[str, Callable[[], rbi.ArmModel]] = {
 }
 
 
+QUICK = {
+    ("z1", "light"),
+    ("panda with fingers", "heavy"),
+    ("spinner", "heavy"),
+    ("random 0", "heavy"),
+}
+CASES = [
+    pytest.param(name, corner, marks=[] if (name, corner) in QUICK else pytest.mark.slow)
+    for name in ARMS
+    for corner in ("heavy", "light")
+]
+
+
 def worst_plants(arm: rbi.ArmModel) -> dict[str, rbi.ArmModel]:
     """The corners of what the defaults state that they tolerate."""
     payload = default_law(arm, 1e-3).payload
@@ -66,8 +80,7 @@ def middle(arm: rbi.ArmModel) -> tuple[Array, Array]:
     return center, np.minimum(0.2, 0.2 * (high - low))
 
 
-@pytest.mark.parametrize("name", ARMS)
-@pytest.mark.parametrize("corner", ["heavy", "light"])
+@pytest.mark.parametrize(("name", "corner"), CASES)
 def test_defaults_track_with_the_stated_payload_friction_and_delay_and_do_not_chatter(
     name: str, corner: str
 ) -> None:
@@ -165,6 +178,6 @@ def test_surface_without_default_gains_asks_for_them() -> None:
 
 
 @pytest.mark.parametrize("missing", [{}, {"k1": 1.0}, {"k2": 1.0}])
-def test_super_twisting_without_gains_says_what_to_call(missing: dict[str, float]) -> None:
+def test_super_twisting_without_gains_says_what_to_call(missing: dict[str, Any]) -> None:
     with pytest.raises(rbi.ParameterError, match=r"ImpedanceController\(arm\).*propose_gains"):
         rbi.SuperTwisting(**missing)

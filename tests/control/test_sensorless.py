@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import scipy.linalg
 
 import rbimpedance as rbi
 from rbimpedance._common.arrays import Array
@@ -123,7 +122,7 @@ def test_every_mode_of_the_arms_inertia_and_the_spring_has_the_damping_ratio() -
             [-np.linalg.solve(M, 80.0 * np.eye(arm.nv)), -np.linalg.solve(M, D)],
         ]
     )
-    poles = scipy.linalg.eigvals(companion)
+    poles = np.linalg.eigvals(companion)
     np.testing.assert_allclose(-poles.real / np.abs(poles), 0.7, rtol=1e-3)
 
 

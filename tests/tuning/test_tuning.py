@@ -308,11 +308,18 @@ INFEASIBLE: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("case", INFEASIBLE)
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(case, marks=[] if case.startswith("a run") else pytest.mark.slow)
+        for case in INFEASIBLE
+    ],
+)
 def test_every_remedy_that_is_told_is_feasible_when_it_is_followed(
     two_link: rbi.ArmModel, case: str
 ) -> None:
-    asked = {"arm": two_link, "uncertainty": UNKNOWN, "trajectory": swing(two_link)}
+    asked: dict[str, Any] = {"arm": two_link, "uncertainty": UNKNOWN}
+    asked |= {"trajectory": swing(two_link)}
     asked |= {"duration": 2.0, "samples": 6, "remedy_time": np.inf} | INFEASIBLE[case]
     proposal = propose_gains(**asked)
     assert not proposal.feasible

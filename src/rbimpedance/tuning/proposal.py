@@ -116,7 +116,7 @@ class GainProposal:
         if not self.feasible:
             return f"No gains: {self.reason}.\n{self._explain_remedies()}"
         return (
-            f"The controller's model holds a payload of {self.payload:.3g} kg. A plant answers with {mismatch.gain_low:.2g} to "
+            f"The controller's model holds {self.payload:.3g} kg. A plant answers with {mismatch.gain_low:.2g} to "
             f"{mismatch.gain_high:.2g} times the acceleration that the model expects; the scheme tolerates up to "
             f"{self.gain_limit:.2g} with margin {float(self.margin.max()):.3g} at dt = {self.dt:g} s. The error that "
             f"is left is about {self.error.max():.2g} rad." + self._explain_torque()
