@@ -33,6 +33,8 @@ from .control.guards import SoftStart as SoftStart
 from .control.guards.reference_guard import ReferenceGuard as ReferenceGuard
 from .control.loop import Loop as Loop
 from .control.realtime import RealtimeController as RealtimeController
+from .control.sensorless import CompliantController as CompliantController
+from .control.sensorless import SensorlessController as SensorlessController
 from .control.snapshot import load_snapshot as load_snapshot
 from .control.snapshot import save_snapshot as save_snapshot
 from .exceptions import DimensionError as DimensionError

@@ -38,6 +38,7 @@ MOVED = {
     "rbimpedance.surfaces": "rbimpedance.law.surfaces",
     "rbimpedance.telemetry": "rbimpedance.control.telemetry",
     "rbimpedance.tracking": "rbimpedance.control.errors",
+    "rbimpedance.tuning.input_gain": "rbimpedance.law.input_gain",
     "rbimpedance.variable_impedance": "rbimpedance.law.impedance_changes",
     "rbimpedance.visualization": "rbimpedance.pictures.viewer",
 }

@@ -23,6 +23,7 @@ from ..robot.arm_model import ArmModel
 from ..robot.knowledge import Knowledge, as_knowledge, model_torque
 from ..trajectories import Reference
 from .compiled.selection import compiled_tick
+from .default_gains import default_impedance, default_law
 from .errors import check_measurements, track
 from .protocol import Backend, Step, Tick, checked_period
 from .realtime import RealtimeController
@@ -42,16 +43,23 @@ class ImpedanceController:
         tau = RNEA(q, v, a) - tau_ext                   [= -tau_ext + M(q)·a + bias(q, v)]
 
     It makes the sliding variable obey ṡ = -u + w, with w what the model does not know, and so brings q to the
-    impedance reference q_r: the arm then moves as M_d, D_d, K_d demand under the measured tau_ext.
+    impedance reference q_r: the arm then moves as M_d, D_d, K_d demand under the measured tau_ext. With zeros in its
+    place the arm is rigid: what is not measured is rejected like any other disturbance. Without a force sensor take a
+    `CompliantController`, or put a `SensorlessController` around this one (docs/how-to/no-force-sensor.md).
+
+    `ImpedanceController(arm)` is complete: what is left out is computed from the arm, see `control.default_gains` for
+    what that tolerates.
 
     A controller is immutable. `step` is pure: the same arguments give the same, bit-equal answer, in any thread.
 
     Attributes:
-        arm: The controller's model of the arm.
-        impedance: Target impedance.
-        surface: Sliding surface.
-        reaching: Reaching law.
-        dt: Control period [s].
+        arm: The controller's model of the arm; with default gains, where friction is stiff against the period, it holds
+            friction as `control.default_gains.model_for_period` says.
+        impedance: Target impedance; by default critically damped and no lighter than the arm.
+        surface: Sliding surface; by default a fast terminal one, bounded to half of the joints' velocity limits.
+        reaching: Reaching law; by default for links 10 % heavier or lighter, a payload of 5 % of the arm's mass and
+            0.5 N·m of friction that the model does not hold.
+        dt: Control period, 1 ms by default [s].
         model: "full"; or "inertia" for the controller of the paper's section 4, which knows M(q) only.
         limits: `Limits`, or an array-like of torque limits; None for none. The arm's own `effort_limit` is not used
             unless it is given here.
@@ -60,8 +68,8 @@ class ImpedanceController:
             "rbimpedance" says so, once.
 
     Raises:
-        ParameterError: dt is not a positive number, an unknown `model` or `backend`, or a limit that is not
-            positive.
+        ParameterError: dt is not a positive number, an unknown `model` or `backend`, a limit that is not positive, or
+            a part that has no default beside the others.
         DimensionError: A gain or a limit is given for another number of joints.
         ModelError: The compiled dynamics of the arm are not Pinocchio's.
     """
@@ -83,10 +91,10 @@ class ImpedanceController:
     def __init__(
         self,
         arm: ArmModel,
-        impedance: TargetImpedance,
-        surface: Surface,
-        reaching: SuperTwisting,
-        dt: float,
+        impedance: TargetImpedance | None = None,
+        surface: Surface | None = None,
+        reaching: SuperTwisting | None = None,
+        dt: float = 1e-3,
         *,
         model: Knowledge = "full",
         limits: Limits | ArrayLike | None = None,
@@ -94,7 +102,12 @@ class ImpedanceController:
     ) -> None:
         dt = positive_number("dt", dt, "control period in seconds")
         _check_backend(backend)
-        limits = as_limits(limits)
+        limits, model = as_limits(limits), as_knowledge(model)
+        impedance = default_impedance(arm) if impedance is None else impedance
+        if surface is None or reaching is None:
+            law = default_law(arm, dt, model, surface)
+            surface = law.surface
+            arm, reaching = (arm, reaching) if reaching is not None else (law.arm, law.reaching)
         for owner in (surface, getattr(surface, "surface", None), reaching, limits):
             for name, value in vars(owner).items() if owner is not None else ():
                 if isinstance(value, np.ndarray):
@@ -106,7 +119,7 @@ class ImpedanceController:
             surface=surface,
             reaching=reaching,
             dt=dt,
-            model=as_knowledge(model),
+            model=model,
             limits=limits,
             backend=backend,
             _filter=impedance.filter(arm.nv, dt),

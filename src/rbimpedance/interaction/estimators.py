@@ -20,6 +20,9 @@ from ..law.super_twisting import SuperTwisting
 from ..robot.arm_model import ArmModel
 from .observers import ObserverState, SuperTwistingDisturbanceObserver
 
+_USUAL_GAIN = 100.0  # rad/s: 16 Hz, faster than a hand pushes
+_USUAL_GAIN_TIMES_PERIOD = 0.1
+
 
 class MomentumState(NamedTuple):
     """What the momentum observer remembers of the tick before.
@@ -53,7 +56,8 @@ class MomentumObserver:
 
     Attributes:
         arm: The model that the torque is measured against.
-        gain: K, the bandwidth of each joint, scalar or (nv,) [rad/s].
+        gain: K, the bandwidth of each joint, scalar or (nv,); 100 by default, less where 10 periods are longer
+            than that allows [rad/s].
         dt: Control period h [s].
 
     Raises:
@@ -68,13 +72,11 @@ class MomentumObserver:
     gain: Array
     dt: float
 
-    def __init__(self, arm: ArmModel, gain: ArrayLike, dt: float) -> None:
-        set_fields(
-            self,
-            arm=arm,
-            gain=per_joint("gain", positive("gain", gain), arm.nv),
-            dt=positive_number("dt", dt, "control period in seconds"),
-        )
+    def __init__(self, arm: ArmModel, gain: ArrayLike | None = None, dt: float = 1e-3) -> None:
+        dt = positive_number("dt", dt, "control period in seconds")
+        if gain is None:
+            gain = min(_USUAL_GAIN, _USUAL_GAIN_TIMES_PERIOD / dt)
+        set_fields(self, arm=arm, gain=per_joint("gain", positive("gain", gain), arm.nv), dt=dt)
 
     @property
     def delay(self) -> Array:

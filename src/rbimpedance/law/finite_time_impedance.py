@@ -12,7 +12,7 @@ from .._common.arrays import Array, per_joint, positive, positive_number
 from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
-from .impedance import ImpedanceFilter, ImpedanceMatrices, TargetFilter, check_damping
+from .impedance import ImpedanceFilter, ImpedanceMatrices, TargetFilter, chosen_damping_ratio
 
 SMALLEST_EXPONENT = 0.01
 """Below it sig(x)^α1 is a relay, and its powers leave the range of float64."""
@@ -43,10 +43,10 @@ class FiniteTimeImpedance:
         stiffness: K_d, scalar or (nv,) [N·m/rad^α1 or N/m^α1].
         exponent: α1 of the spring, `SMALLEST_EXPONENT` ≤ α1 ≤ 1. At 1 this is `Impedance`.
         damping_ratio: Damping over the least that returns from rest without overshoot, which is
-            (1 + α1)·K_d·(α2·K_d/M_d)^(-α2/2), or None where the damping is given.
+            (1 + α1)·K_d·(α2·K_d/M_d)^(-α2/2); 1 if no damping is given, None where it is.
 
     Raises:
-        ParameterError: Not positive and finite, a matrix, an exponent out of range, or not exactly one of
+        ParameterError: Not positive and finite, a matrix, an exponent out of range, or both
             `damping` and `damping_ratio` given.
 
     References:
@@ -69,9 +69,7 @@ class FiniteTimeImpedance:
         *,
         damping_ratio: float | None = None,
     ) -> None:
-        check_damping(damping, damping_ratio)
-        if damping_ratio is not None:
-            damping_ratio = positive_number("damping_ratio", damping_ratio, "damping ratio")
+        damping_ratio = chosen_damping_ratio(damping, damping_ratio)
         alpha1 = positive_number("exponent", exponent, "exponent of at most 1")
         if not SMALLEST_EXPONENT <= alpha1 <= 1.0:
             words = f"in [{SMALLEST_EXPONENT:g}, 1]; 1 is the linear impedance"

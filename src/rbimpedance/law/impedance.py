@@ -13,10 +13,16 @@ from typing import NamedTuple, Protocol, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array
+from .._common.arrays import Array, positive_number
 from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..exceptions import DimensionError, ParameterError
+
+_MISSING = {
+    "mass": "a positive number, as in Impedance(1.0, stiffness=100.0); an arm that keeps its own inertia needs none, "
+    "see `CompliantController`",
+    "stiffness": "a positive number, as in Impedance(1.0, stiffness=100.0); a small one lets the arm be led by hand",
+}
 
 _ROUNDING = 1e-20  # what the series of an exponential leaves out, relative to its state
 
@@ -68,17 +74,18 @@ class Impedance:
     """The mass, damper and spring that the arm should feel like: M_d, D_d, K_d of the paper's eq. (2).
 
     Each is a scalar (the same on every joint), a vector (nv,) (its own on each joint) or a symmetric positive
-    definite matrix (nv, nv).
+    definite matrix (nv, nv). `Impedance(1.0, stiffness=100.0)` is critically damped.
 
     Attributes:
         mass: M_d [kg·m² or kg].
-        damping: D_d [N·m·s/rad or N·s/m], or None where a damping ratio is given.
+        damping: D_d [N·m·s/rad or N·s/m], or None where a damping ratio is used.
         stiffness: K_d [N·m/rad or N/m].
-        damping_ratio: ζ of every vibration mode of (M_d, K_d), or None where the damping is given.
+        damping_ratio: ζ of every vibration mode of (M_d, K_d); 1 if neither it nor the damping is given, None where
+            the damping is given.
 
     Raises:
-        ParameterError: Not finite, not symmetric, not positive definite, or not exactly one of `damping` and
-            `damping_ratio` given.
+        ParameterError: Mass or stiffness missing, a value that is not finite, not symmetric or not positive definite,
+            or both `damping` and `damping_ratio` given.
         DimensionError: A shape other than (), (nv,) or (nv, nv).
     """
 
@@ -89,25 +96,22 @@ class Impedance:
 
     def __init__(
         self,
-        mass: ArrayLike,
+        mass: ArrayLike | None = None,
         damping: ArrayLike | None = None,
         stiffness: ArrayLike | None = None,
         *,
         damping_ratio: float | None = None,
     ) -> None:
-        if stiffness is None:
-            raise ParameterError(
-                "stiffness", None, "given: a positive scalar, (nv,) or SPD (nv, nv)"
-            )
-        check_damping(damping, damping_ratio)
-        if damping_ratio is not None and not 0.0 < damping_ratio < np.inf:
-            raise ParameterError("damping_ratio", damping_ratio, "positive and finite")
+        for name, value in (("mass", mass), ("stiffness", stiffness)):
+            if value is None:
+                raise ParameterError(name, None, _MISSING[name])
+        damping_ratio = chosen_damping_ratio(damping, damping_ratio)
         set_fields(
             self,
             mass=_positive_definite("mass", mass),
             damping=None if damping is None else _positive_definite("damping", damping),
             stiffness=_positive_definite("stiffness", stiffness),
-            damping_ratio=None if damping_ratio is None else float(damping_ratio),
+            damping_ratio=damping_ratio,
         )
 
     def matrices(self, nv: int) -> ImpedanceMatrices:
@@ -245,19 +249,23 @@ def _speed(damping: Array, stiffness: Array) -> float:
     return float(omega + np.linalg.norm(damping, 1))
 
 
-def check_damping(damping: ArrayLike | None, damping_ratio: float | None) -> None:
-    """Check that the damping is given in exactly one of its two ways.
+def chosen_damping_ratio(damping: ArrayLike | None, damping_ratio: float | None) -> float | None:
+    """Return the damping ratio that a target uses: the one given, 1 without any damping, None with a damping.
 
     Raises:
-        ParameterError: In both or in none.
+        ParameterError: Both are given, or the ratio is not a positive number.
     """
-    if (damping is None) == (damping_ratio is None):
-        raise ParameterError(
-            "damping", damping, "given either as damping=... or as damping_ratio=..., not both"
-        )
+    if damping is not None:
+        if damping_ratio is not None:
+            words = "left out where damping is given: a target has one damping"
+            raise ParameterError("damping_ratio", damping_ratio, words)
+        return None
+    if damping_ratio is None:
+        return 1.0
+    return positive_number("damping_ratio", damping_ratio, "damping ratio")
 
 
-def _positive_definite(name: str, value: ArrayLike) -> Array:
+def _positive_definite(name: str, value: ArrayLike | None) -> Array:
     """Return a read-only copy of a positive scalar, vector, or symmetric positive definite matrix."""
     words = "a positive number, a vector of positive numbers (nv,), or a symmetric positive definite matrix (nv, nv)"
     try:
@@ -282,7 +290,7 @@ def _positive_definite(name: str, value: ArrayLike) -> Array:
 
 
 def _matrix(name: str, value: Array, nv: int) -> Array:
-    """MotionMargin a scalar or a vector over the diagonal."""
+    """Put a scalar or a vector on the diagonal."""
     if value.ndim == 0:
         return float(value) * np.eye(nv)
     if value.shape[0] != nv:

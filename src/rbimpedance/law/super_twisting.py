@@ -27,6 +27,12 @@ Scheme: TypeAlias = Literal["explicit", "matched", "implicit"]
 """How the reaching law is discretised."""
 
 
+_GAINS_OF_AN_ARM = (
+    "a positive number: gains belong to an arm. ImpedanceController(arm) computes them, and "
+    "propose_gains(arm, uncertainty, trajectory, dt) finds them for what is not known of it"
+)
+
+
 class ReachingState(NamedTuple):
     """Memory of the reaching law.
 
@@ -50,11 +56,12 @@ class SuperTwisting:
         k1: Gain of the root, scalar or (nv,) [rad^½/s^(3/2)].
         k2: Gain of the integral, scalar or (nv,) [rad/s³]; it has to exceed the disturbance's rate.
         scheme: "explicit", "matched" or "implicit".
-        margin: At least 1. The matched scheme is designed for margin·dt, so it bears an input gain too high by about
-            that factor, at a cost in precision.
+        margin: At least 1. The matched scheme is designed for margin·dt, so it tolerates an input gain too high by
+            about that factor, at a cost in precision.
 
     Raises:
-        ParameterError: k1 ≤ 0, k2 ≤ 0, margin < 1, margin ≠ 1 with another scheme than "matched", or an unknown scheme.
+        ParameterError: k1 or k2 missing,
+            k1 ≤ 0, k2 ≤ 0, margin < 1, margin ≠ 1 with another scheme than "matched", or an unknown scheme.
     """
 
     k1: Array
@@ -64,11 +71,13 @@ class SuperTwisting:
 
     def __init__(
         self,
-        k1: ArrayLike,
-        k2: ArrayLike,
+        k1: ArrayLike | None = None,
+        k2: ArrayLike | None = None,
         scheme: Scheme = "matched",
         margin: ArrayLike = 1.0,
     ) -> None:
+        if k1 is None or k2 is None:
+            raise ParameterError("k1" if k1 is None else "k2", None, _GAINS_OF_AN_ARM)
         if scheme not in get_args(Scheme):
             raise ParameterError(
                 "scheme", scheme, "one of " + ", ".join(map(repr, get_args(Scheme)))
@@ -110,8 +119,7 @@ class SuperTwisting:
     ) -> ReachingState:
         """Return the next state where a torque limit withholds part of u.
 
-        z rests where its step would add to `unrealised_u`. With the matched scheme k2·z therefore never passes
-            the
+        z rests where its step would add to `unrealised_u`. With the matched scheme k2·z therefore never passes the
         reaching term that the torque realises; docs/schemes.md has the proof and the alternatives that were measured.
 
         Args:

@@ -154,6 +154,9 @@ class FastTerminalSurface:
         exponent: α, ½ < α < 1, scalar or (nv,).
         smoothing: ε > 0, scalar or (nv,) [rad or m].
 
+    The defaults bring 0.2 rad to 1 mrad in 0.32 s, at 1.5 rad/s or less. They suit periods up to about 1 ms; beyond,
+    take a larger ε, as `ImpedanceController(arm, dt=...)` does.
+
     Raises:
         ParameterError: A gain that is not positive, or α outside (½, 1).
     """
@@ -165,9 +168,9 @@ class FastTerminalSurface:
 
     def __init__(
         self,
-        rate: ArrayLike,
-        gamma: ArrayLike,
-        exponent: ArrayLike,
+        rate: ArrayLike = 2.0,
+        gamma: ArrayLike = 3.0,
+        exponent: ArrayLike = 0.6,
         smoothing: ArrayLike = 1e-3,
     ) -> None:
         set_fields(
@@ -209,7 +212,7 @@ class FastTerminalSurface:
         An acceleration A held for dt changes e2 by -A·dt and e1 by e2·dt - A·dt²/2, hence s by
         c·e2·dt - A·(1 + c·dt/2)·dt. With A = (feedforward + u)/(1 + c·dt/2) that is -u·dt, as the schemes assume.
         Undivided, the gain is too high by 34 % at dt = 10 ms, λ = 2, γ = 3, α = 0.6 and ε = 1e-3, which the implicit
-        scheme does not bear.
+        scheme does not tolerate.
 
         Args:
             e1: Position error, shape (nv,).

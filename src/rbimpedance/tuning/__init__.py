@@ -1,4 +1,4 @@
-"""From what the user does not know to gains that carry it: `Uncertainty`, `propose_gains`, `GainProposal`."""
+"""From what the user does not know to gains that tolerate it: `Uncertainty`, `propose_gains`, `GainProposal`."""
 
 from __future__ import annotations
 

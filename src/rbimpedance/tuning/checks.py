@@ -1,4 +1,4 @@
-"""What gains are put to before they are proposed: certificate, torque limits, and the worst samples in simulation."""
+"""How gains are checked before they are proposed: certificate, torque limits, and the worst samples in simulation."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ from .._common.arrays import Array
 from ..law.certificate import Certificate, certify
 from ..law.impedance import Impedance
 from .gain_design import Design, Measured, Task, design
-from .remedies import remedies
-from .torque_demand import Exertion, TorqueDemand
-from .torque_limits import demand_of, refused_for_torque, torque_ways_out, without_reserve
+from .torque_demand import TorqueDemand
+from .torque_limits import demand_of, exertion_of, refused_for_torque, without_reserve
 from .worst_case import ExtremeCase, worst_cases
 
 _SLOWER = 1.6  # the margin grows by this where a worst sample chatters or diverges
@@ -22,24 +21,22 @@ _ROUNDS = 3
 
 
 class Checked(NamedTuple):
-    """A design, and what it was put to.
+    """A design, and what its checks found.
 
     Attributes:
         design: The gains; with a joint and a reason where they are refused.
         certificate: Theorem 1 for the effective gains; None where the margin is infinite.
         worst: The simulated worst samples.
         demand: What the motion asks of the joints against their limits; None where there are none.
-        remedies: What would help where they are refused.
     """
 
     design: Design
     certificate: Certificate | None
     worst: tuple[ExtremeCase, ...]
     demand: TorqueDemand | None
-    remedies: tuple[str, ...]
 
 
-def check(
+def solve(
     task: Task,
     measured: Measured,
     impedance: Impedance,
@@ -55,7 +52,7 @@ def check(
         q0: Initial configuration, shape (nq,).
         on_tick: Called with (ticks done, ticks in all) of every simulation.
     """
-    exertion = None if task.limits is None else _exertion(task, measured)
+    exertion = None if task.limits is None else exertion_of(task, measured.samples)
     slower, certificate = 1.0, None
     worst: tuple[ExtremeCase, ...] = ()
     for _ in range(_ROUNDS):
@@ -80,14 +77,7 @@ def check(
         if not failed.unstable:
             break
         slower *= _SLOWER
-    ways = () if found.joint is None else _ways_out(task, exertion, found, demand)
-    return Checked(found, certificate, worst, demand, ways)
-
-
-def _exertion(task: Task, measured: Measured) -> Exertion:
-    """What the motion asks of every corner of the ranges, or of the samples, which begin with the corners."""
-    plants = max(measured.samples, task.uncertainty.extremes(task.arm), key=len)
-    return Exertion(plants, task.trajectory, task.duration)
+    return Checked(found, certificate, worst, demand)
 
 
 def _until_failure(cases: Iterator[ExtremeCase]) -> tuple[ExtremeCase, ...]:
@@ -124,12 +114,3 @@ def _certified(task: Task, found: Design, certificate: Certificate) -> Design:
         f"joint '{task.arm.joint_names[joint]}' has no certificate: {certificate.reason[joint]}"
     )
     return replace(found, joint=joint, reason=reason)
-
-
-def _ways_out(
-    task: Task, exertion: Exertion | None, found: Design, demand: TorqueDemand | None
-) -> tuple[str, ...]:
-    """What would help: with the actuators where they are what is acceleration_deficit, else with the bounds."""
-    if exertion is not None and demand is not None and not demand.with_reserve:
-        return torque_ways_out(task, found, exertion, demand)
-    return remedies(task, found)

@@ -1,4 +1,4 @@
-"""Gains from bounds: k1, k2 and the scheme's margin, and whether the bounds can be carried at all."""
+"""Gains from bounds: k1, k2 and the scheme's margin, and whether any gains tolerate the bounds."""
 
 from __future__ import annotations
 
@@ -9,13 +9,20 @@ from typing import NamedTuple
 import numpy as np
 
 from .._common.arrays import Array
+from ..control.default_gains import (
+    GAIN_HEADROOM,
+    K1_OVER_ROOT_K2,
+    K2_OVER_MISMATCH,
+    slope_at_zero,
+    usual_surfaces,
+)
 from ..control.protocol import Backend
+from ..law.input_gain import LARGEST_MARGIN, gain_limit, needed_margin, tolerates
 from ..law.limits import Limits
-from ..law.surfaces import FastTerminalSurface, Surface
+from ..law.surfaces import Surface
 from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory
-from .input_gain import LARGEST_MARGIN, bears, gain_limit, needed_margin
-from .mismatch import Mismatch, carried_model, measure
+from .mismatch import Mismatch, balanced_model, measure
 from .motions import MotionMargin, sample_motions
 from .plant_sample import PlantSample
 from .uncertainty import Uncertainty
@@ -23,15 +30,7 @@ from .uncertainty import Uncertainty
 TORQUE_FLOOR = 0.5
 """Smallest torque mismatch that gains are made for [N·m or N]: it lets a joint reach its surface without one, too."""
 
-GAIN_HEADROOM = 1.2
-"""The scheme bears an input gain this much higher than the largest one that was measured."""
-
-SMOOTHINGS = (1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
-"""Radii that a proposal may choose from for its fast terminal surface [rad or m]; the first one is the usual."""
-
-_K2_OVER_MISMATCH = 3.0
 _K2_OVER_RATE = 1.5
-_K1_OVER_ROOT_K2 = 2.2  # k1² ≥ 4·k2 with room
 _LEAST_RATE = (
     1e-9  # of a disturbance [rad/s³]: without a margin there is no bound, even if it stands still
 )
@@ -79,7 +78,7 @@ class Measured(NamedTuple):
 
     Attributes:
         model: The controller's model.
-        payload: Payload that it carries [kg].
+        payload: Payload in that model [kg].
         samples: Plants that were measured.
         mismatch: How far they are from the model.
     """
@@ -100,11 +99,11 @@ class Design:
         k1: Gain of the root.
         k2: Gain of the integral.
         margin: Of the matched scheme, the same for all joints; infinite where there is none.
-        gain_limit: Input gain that the scheme bears at this margin; 0 where there is none.
+        gain_limit: Input gain that the scheme tolerates at this margin; 0 where there is none.
         error: Error e1 that the scheme leaves, from the largest rate of the disturbance [rad or m].
         noise_error: Error e1 that the sensors' noise stands for [rad or m].
         noise_torque: Torque that the sensors' noise stands for, about [N·m or N].
-        joint: Joint that cannot be carried, or None.
+        joint: Joint that stands in the way, or None.
         reason: Why, or empty.
     """
 
@@ -122,18 +121,18 @@ class Design:
 
 
 def measure_task(task: Task) -> Measured:
-    """Choose the model that the controller carries, and measure how far the plants are from it."""
+    """Choose the model that the controller uses, and measure how far the plants are from it."""
     arm, uncertainty, dt = task.arm, task.uncertainty, task.dt
     motions = sample_motions(
         arm, task.trajectory, task.duration, dt, task.instants, task.seed, task.spread
     )
-    model, payload = carried_model(arm, uncertainty, motions, dt)
+    model, payload = balanced_model(arm, uncertainty, motions, dt)
     samples = uncertainty.sample(arm, task.samples, seed=task.seed)
     return Measured(model, payload, samples, measure(model, samples, motions, dt))
 
 
 def design(task: Task, measured: Measured, *, slower: float = 1.0) -> Design:
-    """Return the gains that the bounds call for, and whether they can be carried.
+    """Return the gains that the bounds call for, and whether any gains tolerate them.
 
     Args:
         task: What is asked for.
@@ -151,7 +150,7 @@ def design(task: Task, measured: Measured, *, slower: float = 1.0) -> Design:
         designs = [_on_surface(task, measured, on, k1, k2, slower, least) for on in surfaces]
         precise = [found for found in designs if found.error.max() <= task.accuracy / 2.0]
         best = min(precise, key=lambda found: float(found.noise_torque.max()), default=best)
-    return _judged(task, best)
+    return _checked_design(task, best)
 
 
 def _on_surface(
@@ -163,7 +162,7 @@ def _on_surface(
     slower: float,
     least: float = 1.0,
 ) -> Design:
-    """The design with one surface, not judged yet."""
+    """The design with one surface, not checked yet."""
     mismatch, uncertainty = measured.mismatch, task.uncertainty
     margin, limit = _margin(task, mismatch, surface, slower, least)
     rate = np.maximum(mismatch.disturbance_rate, _LEAST_RATE)
@@ -192,19 +191,6 @@ def _noise_acceleration(task: Task, slope: Array, k1: Array, margin: float) -> A
     return acceleration
 
 
-def usual_surfaces() -> tuple[FastTerminalSurface, ...]:
-    """Return the fast terminal surfaces that a proposal chooses from, the steepest first."""
-    return tuple(
-        FastTerminalSurface(rate=2.0, gamma=3.0, exponent=0.6, smoothing=smoothing)
-        for smoothing in SMOOTHINGS
-    )
-
-
-def slope_at_zero(surface: Surface, nv: int) -> Array:
-    """Return the slope of s over e1 at zero, shape (nv,) [1/s]."""
-    return np.array(surface.feedforward(np.zeros(nv), np.ones(nv)))
-
-
 def _error_on(surface: Surface, s: Array) -> Array:
     """Return the e1 at rest that a value s of the surface stands for, shape (nv,); infinite beyond half a turn."""
     below, above = np.zeros_like(s), np.full_like(s, _LARGEST_ERROR)
@@ -219,12 +205,12 @@ def _error_on(surface: Surface, s: Array) -> Array:
 def _margin(
     task: Task, mismatch: Mismatch, surface: Surface, slower: float, least: float = 1.0
 ) -> tuple[float, float]:
-    """Margin of the scheme, and the largest input gain that it bears with it."""
+    """Margin of the scheme, and the largest input gain that it tolerates with it."""
     slope_step = float(slope_at_zero(surface, task.arm.nv).max()) * task.dt
     low, high = mismatch.gain_low / GAIN_HEADROOM, mismatch.gain_high * GAIN_HEADROOM
     delay = task.uncertainty.delay
     margin = max(slower * needed_margin(low, high, delay, slope_step), least)
-    if not np.isfinite(margin) or not bears(margin, low, high, delay, slope_step):
+    if not np.isfinite(margin) or not tolerates(margin, low, high, delay, slope_step):
         return np.inf, 0.0
     return margin, gain_limit(low, margin, delay, slope_step)
 
@@ -246,14 +232,14 @@ def _k1_and_k2(
     acceleration = np.maximum(mismatch.torque, TORQUE_FLOOR) / mismatch.inertia
     slope = slope_at_zero(surface, task.arm.nv)
     noise = uncertainty.velocity_noise + slope * uncertainty.position_noise
-    k2 = _K2_OVER_MISMATCH * acceleration / np.sqrt(slowness)
-    share = _K1_OVER_ROOT_K2 * np.sqrt(k2 / g * noise) / acceleration
+    k2 = K2_OVER_MISMATCH * acceleration / np.sqrt(slowness)
+    share = K1_OVER_ROOT_K2 * np.sqrt(k2 / g * noise) / acceleration
     k2 = np.maximum(k2 / (1.0 + share) ** 2, _K2_OVER_RATE * mismatch.disturbance_rate / g)
-    return _K1_OVER_ROOT_K2 * np.sqrt(k2 / g), k2
+    return K1_OVER_ROOT_K2 * np.sqrt(k2 / g), k2
 
 
-def _judged(task: Task, found: Design) -> Design:
-    """Add the joint that cannot be carried, and why, where there is one."""
+def _checked_design(task: Task, found: Design) -> Design:
+    """Add the joint that stands in the way, and why, where there is one."""
     names, mismatch = task.arm.joint_names, found.measured.mismatch
     if not np.isfinite(found.margin):
         joint = (
@@ -264,7 +250,7 @@ def _judged(task: Task, found: Design) -> Design:
         reason = (
             f"joint '{names[joint]}' answers with {mismatch.gain_low:.2g} to {mismatch.gain_high:.2g} times the "
             f"acceleration that the model expects; with a delay of {task.uncertainty.delay} ticks at dt = "
-            f"{task.dt:g} s no margin up to {LARGEST_MARGIN:g} bears that"
+            f"{task.dt:g} s no margin up to {LARGEST_MARGIN:g} tolerates that"
         )
         return replace(found, joint=joint, reason=reason)
     joint = int(np.argmax(found.error + found.noise_error))

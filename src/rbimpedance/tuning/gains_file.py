@@ -40,7 +40,7 @@ class Gains:
         k2: Gain of the integral, shape (nv,).
         margin: Of the matched scheme, shape (nv,).
         surface: Sliding surface.
-        payload: Mass that the controller's model carries [kg].
+        payload: Mass that the controller's model holds [kg].
         payload_com: Its position, shape (3,) [m].
         payload_frame: Its frame; None for the tool frame.
         payload_gyration: Its radius of gyration [m].

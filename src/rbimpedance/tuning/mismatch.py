@@ -17,7 +17,7 @@ from .plant_sample import PlantSample, with_body
 from .uncertainty import Uncertainty
 
 _SHARES = np.array([0.0, 0.003, 0.01, 0.02, 0.03, 0.05, 0.07, *np.linspace(0.1, 1.0, 10)])
-"""Of the payload's range that the model may carry; finer where it is light, for bodies that a wrist hardly weighs."""
+"""Of the payload's range that the model may hold; finer where it is light, for bodies that a wrist hardly weighs."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -98,10 +98,10 @@ def measure(
     )
 
 
-def carried_model(
+def balanced_model(
     arm: ArmModel, uncertainty: Uncertainty, motions: Sequence[Motion], dt: float
 ) -> tuple[ArmModel, float]:
-    """Return the model that the controller should carry, and the payload in it [kg].
+    """Return the model that the controller should use, and the payload in it [kg].
 
     Payload and armature stand inside their ranges where the input gain is wrong by about the same factor at both ends.
     Friction that is stiff against the period joins the armature, as a torque held for a period meets it.
@@ -116,7 +116,7 @@ def carried_model(
     few = motions[:: max(len(motions) // 6, 1)]
     com = uncertainty.payload_com.mean(axis=0)
     gyration = float(uncertainty.payload_gyration.mean())
-    best, best_rho, carried = arm, np.inf, 0.0
+    best, best_rho, held = arm, np.inf, 0.0
     for share in (_SHARES if _is_uncertain(uncertainty) else _SHARES[:1]).tolist():
         payload = float(_between(uncertainty.payload, share))
         model = with_body(arm, payload, com, gyration, uncertainty.payload_frame)
@@ -125,8 +125,8 @@ def carried_model(
         model = _with_friction_over_period(model, uncertainty, few, dt)
         rho = measure(model, samples, few, dt).rho
         if rho < best_rho:
-            best, best_rho, carried = model, rho, payload
-    return best, carried
+            best, best_rho, held = model, rho, payload
+    return best, held
 
 
 def _look(model: ArmModel, sample: PlantSample, motions: Sequence[Motion], dt: float) -> _Seen:

@@ -1,9 +1,10 @@
-"""`propose_gains`: from what is not known about an arm to gains that carry it, or to the reason why none do."""
+"""`propose_gains`: from what is not known about an arm to gains that tolerate it, or to the reason why none do."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,10 +23,11 @@ from ..law.super_twisting import SuperTwisting
 from ..law.surfaces import NonsingularTerminalSurface, Surface
 from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory
-from .checks import Checked, check
+from .checks import Checked, solve
 from .gain_design import Task, measure_task
 from .mismatch import Mismatch
 from .motions import MotionMargin
+from .remedies import Remedy, Trial, Tried, try_remedies
 from .torque_demand import TorqueDemand
 from .uncertainty import Uncertainty
 from .worst_case import ExtremeCase
@@ -40,9 +42,11 @@ class GainProposal:
         feasible: Whether bounds, certificate, the scheme's margins and the worst samples all allow these gains.
         reason: Why not; empty where feasible.
         joint: Name of the joint that stands in the way, or None.
-        remedies: What would help, with what it would change.
+        remedies: Changes with which the same call was made again and was feasible, each alone; `remedy.changes` are its
+            arguments of `propose_gains`. Empty where feasible.
+        tried: What came of all changes that were tried, those included that are not enough.
         nominal: The arm as it was given.
-        arm: The model that the controller should carry.
+        arm: The model that the controller should use.
         payload: Payload in that model [kg].
         uncertainty: What is not known.
         trajectory: The motion that it was made for.
@@ -52,7 +56,7 @@ class GainProposal:
         k2: Gain of the integral [rad/s³].
         margin: Of the matched scheme.
         mismatch: The bounds behind the gains.
-        gain_limit: Input gain that the scheme bears at this margin and period; 0 where there is none.
+        gain_limit: Input gain that the scheme tolerates at this margin and period; 0 where there is none.
         error: Error e1 that the scheme leaves, predicted [rad or m].
         noise_error: Error e1 that the sensors' noise stands for [rad or m].
         noise_torque: Torque that it stands for, about [N·m or N].
@@ -65,7 +69,8 @@ class GainProposal:
     feasible: bool
     reason: str
     joint: str | None
-    remedies: tuple[str, ...]
+    remedies: tuple[Remedy, ...]
+    tried: Tried
     nominal: ArmModel
     arm: ArmModel
     payload: float
@@ -111,14 +116,24 @@ class GainProposal:
         """Say in plain language what is proposed, or why nothing is and what would help."""
         mismatch = self.mismatch
         if not self.feasible:
-            ways = "\n".join(f"- {way}" for way in self.remedies)
-            return f"No gains: {self.reason}.\nWays out:\n{ways}"
+            return f"No gains: {self.reason}.\n{self._explain_remedies()}"
         return (
-            f"The controller carries {self.payload:.3g} kg. A plant answers with {mismatch.gain_low:.2g} to "
-            f"{mismatch.gain_high:.2g} times the acceleration that the model expects; the scheme bears up to "
+            f"The controller's model holds {self.payload:.3g} kg. A plant answers with {mismatch.gain_low:.2g} to "
+            f"{mismatch.gain_high:.2g} times the acceleration that the model expects; the scheme tolerates up to "
             f"{self.gain_limit:.2g} with margin {float(self.margin.max()):.3g} at dt = {self.dt:g} s. The error that "
-            f"remains is about {self.error.max():.2g} rad." + self._explain_torque()
+            f"is left is about {self.error.max():.2g} rad." + self._explain_torque()
         )
+
+    def _explain_remedies(self) -> str:
+        """What was tried, with and without success."""
+        lines = [f"- {remedy}" for remedy in self.remedies]
+        heading = "Remedies, each tried and enough:" if lines else "No remedy was found."
+        lines.insert(0, heading)
+        if self.tried.failed:
+            lines.append(f"Tried and not enough: {'; '.join(self.tried.failed)}.")
+        if not self.tried.complete:
+            lines.append("There was no time for more; remedy_time= gives some.")
+        return "\n".join(lines)
 
     def _explain_torque(self) -> str:
         """The joint that comes nearest to its limits, if there are any."""
@@ -129,6 +144,38 @@ class GainProposal:
         return f" Of its limits joint '{name}' needs the most, {share:.0%}."
 
     ways_out = renamed_attribute("ways_out", "remedies")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Search:
+    """How a proposal is searched for.
+
+    Attributes:
+        samples: Number of plants that the bounds are taken over, extremes first.
+        instants: Number of instants along the trajectory.
+        seed: Of everything random.
+        backend: Who computes the simulations; "compiled" is several times as fast once it is compiled, see `simulate`.
+        on_tick: Called with (ticks done, ticks in all) of every simulation, for a progress bar.
+        remedy_time: Time after which no more remedies are tried for a task that is not feasible; 0 for none [s].
+
+    Raises:
+        ParameterError: A time below 0, a count that is not a whole number, or too small.
+    """
+
+    samples: int = 24
+    instants: int = 25
+    seed: int = 0
+    backend: Backend = "pinocchio"
+    on_tick: Callable[[int, int], None] | None = None
+    remedy_time: float = 30.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        if not self.remedy_time >= 0.0:
+            raise ParameterError("remedy_time", self.remedy_time, "a time in seconds, 0 or more")
+        whole_number("samples", self.samples, 1)
+        whole_number("instants", self.instants, 1)
+        whole_number("seed", self.seed)
 
 
 def propose_gains(
@@ -144,11 +191,7 @@ def propose_gains(
     limits: Limits | ArrayLike | None = None,
     duration: float = 5.0,
     accuracy: float = 1e-3,
-    samples: int = 24,
-    instants: int = 25,
-    seed: int = 0,
-    backend: Backend = "pinocchio",
-    on_tick: Callable[[int, int], None] | None = None,
+    **search: Any,
 ) -> GainProposal:
     """Propose gains for an arm from what is not known about it.
 
@@ -169,21 +212,19 @@ def propose_gains(
             to be possible within them on every plant, and the controller keeps them. None for none.
         duration: Length of the motion that counts, and of the simulations [s].
         accuracy: Error abs(e1) that is asked for once the reaching phase is over [rad or m].
-        samples: Number of plants that the bounds are taken over, extremes first.
-        instants: Number of instants along the trajectory.
-        seed: Of everything random.
-        backend: Who computes the simulations; "compiled" is several times as fast once it is compiled, see `simulate`.
-        on_tick: Called with (ticks done, ticks in all) of every simulation, for a progress bar.
+        **search: The fields of `Search`: samples, instants, seed, backend, on_tick, remedy_time.
 
     Returns:
-        The proposal: yes with the numbers behind it, or no with the joint, the reason and the ways out.
+        The proposal: yes with the numbers behind it, or no with the joint, the reason and remedies that were tried.
 
     Raises:
         ParameterError: A period, duration, accuracy, limit or count that cannot be, or a surface that Theorem 1 does
             not cover.
         DimensionError: A range, the surface, a limit or q0 is for another number of joints.
         ModelError: The arm has no such payload frame.
+        TypeError: A keyword that there is not.
     """
+    how = Search(**search)
     if isinstance(surface, NonsingularTerminalSurface):
         raise ParameterError("surface", surface, "one with s = φ(e1) + e2, power or fast terminal")
     task = Task(
@@ -194,17 +235,22 @@ def propose_gains(
         surface=surface,
         duration=positive_number("duration", duration, "length in seconds"),
         accuracy=positive_number("accuracy", accuracy, "error"),
-        samples=whole_number("samples", samples, 1),
-        instants=whole_number("instants", instants, 1),
-        seed=whole_number("seed", seed),
+        samples=how.samples,
+        instants=how.instants,
+        seed=how.seed,
         spread=MotionMargin() if spread is None else spread,
         limits=_checked_limits(limits, arm.nv),
-        backend=backend,
+        backend=how.backend,
     )
     q0 = np.array(arm.ready if q0 is None else arm.check_configuration("q0", q0))
     measured = measure_task(task)
     target = _usual_impedance() if impedance is None else impedance
-    return _proposal(task, check(task, measured, target, q0, on_tick))
+    checked = solve(task, measured, target, q0, how.on_tick)
+    tried = Tried()
+    if checked.design.joint is not None:
+        trial = Trial(task, target, q0, how.on_tick, how.remedy_time)
+        tried = try_remedies(trial, checked)
+    return _proposal(task, checked, tried)
 
 
 def _checked_limits(limits: Limits | ArrayLike | None, nv: int) -> Limits | None:
@@ -215,7 +261,7 @@ def _checked_limits(limits: Limits | ArrayLike | None, nv: int) -> Limits | None
     return limits
 
 
-def _proposal(task: Task, checked: Checked) -> GainProposal:
+def _proposal(task: Task, checked: Checked, tried: Tried) -> GainProposal:
     found, demand = checked.design, checked.demand
     feasible = found.joint is None
     margin = np.full(task.arm.nv, found.margin)
@@ -225,7 +271,8 @@ def _proposal(task: Task, checked: Checked) -> GainProposal:
         feasible=feasible,
         reason=found.reason,
         joint=None if found.joint is None else task.arm.joint_names[found.joint],
-        remedies=checked.remedies,
+        remedies=tried.remedies,
+        tried=tried,
         nominal=task.arm,
         arm=found.measured.model,
         payload=found.measured.payload,

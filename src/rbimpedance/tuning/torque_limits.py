@@ -1,17 +1,20 @@
-"""Gains against the actuators' limits: the joint that lacks torque, how much, and what would mend it."""
+"""Gains against the actuators' limits: the joint that lacks torque, how much, and how much would be enough."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from ..law.limits import Limits
-from .gain_design import Design, Task, design, measure_task
+from .gain_design import Design, Task
+from .plant_sample import PlantSample
 from .torque_demand import Exertion, TorqueDemand, slowed
+from .uncertainty import Uncertainty
 
-_SLOWEST = 100.0  # factor on the motion's time beyond which slower is no way out
+_SLOWEST = 100.0  # factor on the motion's time beyond which slower is no remedy
 _DIGITS = 3
 _BISECTIONS = 24
 
@@ -42,22 +45,32 @@ def refused_for_torque(task: Task, found: Design, demand: TorqueDemand) -> Desig
     return replace(found, joint=joint, reason=_reason(task, demand, joint) + also)
 
 
-def torque_ways_out(
-    task: Task, found: Design, exertion: Exertion, demand: TorqueDemand
-) -> tuple[str, ...]:
-    """Return how much slower or lighter the task would have to be, and what the joints would have to give.
+def exertion_of(task: Task, samples: Sequence[PlantSample] = ()) -> Exertion:
+    """Return the torques of a task's motion for every corner of the ranges.
 
-    With each of them the limits leave the reserve, too. The first two are then tried on the bounds for the gains,
-    without simulation.
+    Args:
+        task: What is asked for.
+        samples: Plants that begin with the corners, taken where they are more.
+    """
+    plants = max(samples, task.uncertainty.extremes(task.arm), key=len)
+    return Exertion(plants, task.trajectory, task.duration)
+
+
+def within_limits(
+    task: Task, found: Design, demand: TorqueDemand
+) -> Iterator[list[tuple[str, dict[str, Any]]]]:
+    """Yield how much slower or lighter the task has to be, and what the joints have to give, as changes to try.
+
+    With each of them the limits leave the reserve, too.
 
     Args:
         task: What was asked for.
         found: The design that the limits do not allow.
-        exertion: The torques of the task's motion.
-        demand: What is acceleration_deficit.
+        demand: What the motion asks of the joints.
     """
-    ways = (_slower(task, found, exertion), _lighter(task, found), _stronger(task, demand))
-    return tuple(way for way in ways if way is not None)
+    yield _slower(task, found)
+    yield _lighter(task, found)
+    yield _stronger(task, demand)
 
 
 def _reason(task: Task, demand: TorqueDemand, joint: int) -> str:
@@ -79,50 +92,52 @@ def without_reserve(task: Task, found: Design, demand: TorqueDemand) -> Design:
     """Add what its limit leaves the tightest joint to the reason of a design that does not converge."""
     left = demand.limit - demand.needed
     joint = int(np.argmin(left / demand.reserve))
-    told = (
+    words = (
         f"; the motion leaves joint '{task.arm.joint_names[joint]}' {_figure(left[joint])} of "
         f"{_figure(demand.limit[joint])} N·m, where {_figure(demand.reserve[joint])} N·m are wanted to converge"
     )
-    return replace(found, reason=found.reason + told)
+    return replace(found, reason=found.reason + words)
 
 
-def _slower(task: Task, found: Design, exertion: Exertion) -> str | None:
+def _slower(task: Task, found: Design) -> list[tuple[str, dict[str, Any]]]:
     """The smallest factor on the motion's time that the limits allow."""
+    exertion = exertion_of(task)
 
     def enough(factor: float) -> bool:
         return demand_of(task, exertion, found, factor).with_reserve
 
     if not enough(_SLOWEST):
-        return None
+        return []
     factor = _rounded(_border(enough, _SLOWEST, 1.0), up=True)
-    way = replace(task, trajectory=slowed(task.trajectory, factor))
-    return f"a motion {factor:g} times slower: {_verdict(way)}"
+    changes = {"trajectory": slowed(task.trajectory, factor), "duration": factor * task.duration}
+    return [(f"a motion {factor:g} times slower, over {changes['duration']:g} s", changes)]
 
 
-def _lighter(task: Task, found: Design) -> str | None:
+def _lighter(task: Task, found: Design) -> list[tuple[str, dict[str, Any]]]:
     """The largest payload that the limits allow."""
     low, high = task.uncertainty.payload.tolist()
 
-    def at_most(payload: float) -> Task:
-        range_ = (min(low, payload), payload)
-        return replace(task, uncertainty=task.uncertainty.but(payload=range_))
+    def at_most(payload: float) -> Uncertainty:
+        return task.uncertainty.but(payload=(min(low, payload), payload))
 
     def enough(payload: float) -> bool:
-        way = at_most(payload)
-        corners = way.uncertainty.extremes(way.arm)
-        exertion = Exertion(corners, way.trajectory, way.duration)
-        return demand_of(way, exertion, found).with_reserve
+        lighter = replace(task, uncertainty=at_most(payload))
+        return demand_of(lighter, exertion_of(lighter), found).with_reserve
 
     if high == 0.0 or not enough(0.0):
-        return None
+        return []
     payload = _rounded(_border(enough, 0.0, high), up=False)
-    return f"a payload of {payload:g} kg at most: {_verdict(at_most(payload))}"
+    return [(f"a payload of {payload:g} kg at most", {"uncertainty": at_most(payload)})]
 
 
-def _stronger(task: Task, demand: TorqueDemand) -> str:
-    """What the joints that lack something would have to give."""
-    parts = list(_missing(task, demand))
-    return f"actuators with {', '.join(parts)}"
+def _stronger(task: Task, demand: TorqueDemand) -> list[tuple[str, dict[str, Any]]]:
+    """Actuators that give what the joints lack."""
+    limits, wanted = _limits(task), demand.needed + demand.reserve
+    effort = np.where(wanted > demand.limit, [_rounded(x, up=True) for x in wanted], limits.effort)
+    needed = [_rounded(x, up=True) for x in demand.rate_needed]
+    rate = np.where(demand.rate_lack > 0.0, needed, limits.rate)
+    words = f"actuators with {', '.join(_missing(task, demand))}"
+    return [(words, {"limits": Limits(effort, rate)})]
 
 
 def _missing(task: Task, demand: TorqueDemand) -> Iterator[str]:
@@ -133,12 +148,6 @@ def _missing(task: Task, demand: TorqueDemand) -> Iterator[str]:
         if demand.rate_lack[i] > 0.0:
             rate = _rounded(float(demand.rate_needed[i]), up=True)
             yield f"{rate:g} N·m/s on '{name}'"
-
-
-def _verdict(way: Task) -> str:
-    """Whether the bounds then allow gains."""
-    found = design(way, measure_task(way))
-    return "enough by the bounds" if found.joint is None else f"enough torque, but {found.reason}"
 
 
 def _border(enough: Callable[[float], bool], good: float, bad: float) -> float:

@@ -1,4 +1,4 @@
-"""The last word on gains: the closed loop with the worst plants that the uncertainty allows."""
+"""The final check of gains: the closed loop with the worst plants that the uncertainty allows."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class ExtremeCase(NamedTuple):
         needed: Variation that the motion itself needs [N·m/s or N/s].
         joint: Joint that failed, or None.
         reason: Why, or empty.
-        unstable: Whether it failed by divergence or chatter, which a slower scheme may mend.
+        unstable: Whether it failed by divergence or chatter, which a slower scheme may fix.
     """
 
     sample: PlantSample

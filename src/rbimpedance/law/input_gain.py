@@ -1,4 +1,4 @@
-"""The sampled loop about s = 0 when the plant answers with a wrong gain: how much of that a margin bears.
+"""The sampled loop about s = 0 when the plant answers with a wrong gain: how much of that a margin tolerates.
 
 About s = 0 the matched scheme is linear: with H = margin·h it gives u = (2/H)·s + W, W⁺ = W + (h/H²)·s. The plant
 answers an acceleration A with G·A, G = M_true⁻¹·M_model, which has real positive eigenvalues. With one margin for all
@@ -13,7 +13,7 @@ import numpy as np
 from .._common.arrays import Array
 
 LARGEST_MARGIN = 100.0
-"""Margins beyond it are not looked for: the loop were a hundred periods slow."""
+"""Margins beyond it are not looked for: the loop would be a hundred periods slow."""
 
 _GAINS = 7
 _BISECTIONS = 30
@@ -52,18 +52,26 @@ def loop_matrix(g: float, margin: float, delay: int, slope_step: float) -> Array
 
 def is_stable(g: float, margin: float, delay: int, slope_step: float) -> bool:
     """Whether the loop with this input gain is stable; see `loop_matrix`."""
-    values = np.linalg.eigvals(loop_matrix(g, margin, delay, slope_step))
+    return _are_stable(loop_matrix(g, margin, delay, slope_step)[None], slope_step)
+
+
+def tolerates(margin: float, low: float, high: float, delay: int, slope_step: float) -> bool:
+    """Whether a margin keeps the loop stable for every input gain in [low, high]; see `needed_margin`."""
+    gains = np.exp(np.linspace(np.log(low), np.log(high), _GAINS)).tolist()
+    loops = np.stack([loop_matrix(g, margin, delay, slope_step) for g in gains])
+    return _are_stable(loops, slope_step)
+
+
+def _are_stable(loops: Array, slope_step: float) -> bool:
+    """Whether all loops are stable, from their matrices, shape (N, n, n)."""
+    values = np.linalg.eigvals(loops)
+    sizes = np.abs(values)
     if (
         slope_step == 0.0
-    ):  # a surface that is flat at e1 = 0 leaves e1 as a mere integral: nothing depends on it
-        values = np.delete(values, np.abs(values - 1.0).argmin())
-    return bool(np.abs(values).max() < 1.0)
-
-
-def bears(margin: float, low: float, high: float, delay: int, slope_step: float) -> bool:
-    """Whether a margin keeps the loop stable for every input gain in [low, high]; see `needed_margin`."""
-    gains = np.geomspace(low, high, _GAINS).tolist()
-    return all(is_stable(g, margin, delay, slope_step) for g in gains)
+    ):  # where the surface is flat e1 is a mere integral, which nothing depends on
+        rows = np.arange(len(loops))
+        sizes[rows, np.abs(values - 1.0).argmin(axis=1)] = 0.0
+    return bool(sizes.max() < 1.0)
 
 
 def needed_margin(low: float, high: float, delay: int, slope_step: float) -> float:
@@ -77,7 +85,7 @@ def needed_margin(low: float, high: float, delay: int, slope_step: float) -> flo
     """
 
     def enough(margin: float) -> bool:
-        return bears(margin, low, high, delay, slope_step)
+        return tolerates(margin, low, high, delay, slope_step)
 
     if enough(1.0):
         return 1.0
@@ -91,10 +99,10 @@ def needed_margin(low: float, high: float, delay: int, slope_step: float) -> flo
 
 
 def gain_limit(low: float, margin: float, delay: int, slope_step: float) -> float:
-    """Return the largest input gain that a margin bears; without delay and slope 4·margin²/(4·margin - 1).
+    """Return the largest input gain that a margin tolerates; without delay and slope 4·margin²/(4·margin - 1).
 
     Args:
-        low: A gain that it bears.
+        low: A gain that it tolerates.
         margin: Of the matched scheme.
         delay: Ticks from a measurement to its torque.
         slope_step: Slope of the surface at e1 = 0 times the period.
