@@ -13,8 +13,8 @@ import rbimpedance as rbi
 from benchmarks.arms import ARMS
 from benchmarks.control.hardware import page
 from benchmarks.control.hardware.linear import Linear
+from rbimpedance.control.default_gains import slope_at_zero
 from rbimpedance.law.input_gain import loop_matrix
-from rbimpedance.tuning.gain_design import slope_at_zero
 
 from ..arms import pendulum
 

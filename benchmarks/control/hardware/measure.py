@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import rbimpedance as rbi
-from rbimpedance.tuning.gain_design import slope_at_zero
+from rbimpedance.control.default_gains import slope_at_zero
 
 from .trials import (
     DT,

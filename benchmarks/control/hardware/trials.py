@@ -10,8 +10,8 @@ import numpy as np
 
 import rbimpedance as rbi
 from benchmarks.arms import ARMS, load
+from rbimpedance.control.default_gains import slope_at_zero
 from rbimpedance.trajectories import cosine
-from rbimpedance.tuning.gain_design import slope_at_zero
 from rbimpedance.tuning.worst_case import true_error
 
 from .linear import Array, Linear
