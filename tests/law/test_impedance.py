@@ -142,8 +142,7 @@ def test_gains_are_copied_and_locked() -> None:
         ({"mass": 1.0, "damping": 1.0, "stiffness": np.nan}, "stiffness"),
         ({"mass": 1.0, "damping": 1.0}, "stiffness"),
         ({"mass": "heavy", "damping": 1.0, "stiffness": 1.0}, "mass"),
-        ({"mass": 1.0, "stiffness": 1.0}, "damping"),
-        ({"mass": 1.0, "damping": 1.0, "stiffness": 1.0, "damping_ratio": 1.0}, "damping"),
+        ({"mass": 1.0, "damping": 1.0, "stiffness": 1.0, "damping_ratio": 1.0}, "damping_ratio"),
         ({"mass": 1.0, "stiffness": 1.0, "damping_ratio": 0.0}, "damping_ratio"),
         ({"mass": [[1.0, 0.2], [0.1, 1.0]], "damping": 1.0, "stiffness": 1.0}, "mass"),
         ({"mass": [[1.0, 2.0], [2.0, 1.0]], "damping": 1.0, "stiffness": 1.0}, "mass"),
@@ -157,6 +156,28 @@ def test_inadmissible_impedance_is_refused_by_name(gains: dict[str, Any], name: 
         with pytest.raises(rbi.ParameterError) as caught:
             rbi.FiniteTimeImpedance(**gains, exponent=0.7)
         assert caught.value.name == name
+
+
+@pytest.mark.parametrize(
+    ("gains", "damping"),
+    [
+        ({"mass": 1.0, "stiffness": 100.0}, 20.0),
+        ({"mass": 4.0, "stiffness": [25.0, 100.0]}, [20.0, 40.0]),
+        ({"mass": [1.0, 4.0], "stiffness": 100.0, "damping_ratio": 0.5}, [10.0, 20.0]),
+        ({"mass": 1.0, "damping": [3.0, 4.0], "stiffness": 100.0}, [3.0, 4.0]),
+    ],
+)
+def test_damping_is_critical_unless_it_is_given(gains: dict[str, Any], damping: Any) -> None:
+    """D_d = 2ζ√(M_d·K_d), joint by joint."""
+    D_d = rbi.Impedance(**gains).matrices(2).D_d
+    assert_allclose(D_d, damping * np.eye(2), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize(("gains", "name"), [({}, "mass"), ({"mass": 1.0}, "stiffness")])
+def test_missing_part_is_named_with_an_example(gains: dict[str, Any], name: str) -> None:
+    with pytest.raises(rbi.ParameterError, match=r"Impedance\(1\.0, stiffness=100\.0\)") as caught:
+        rbi.Impedance(**gains)
+    assert caught.value.name == name
 
 
 def test_impedance_for_another_number_of_joints_is_refused() -> None:

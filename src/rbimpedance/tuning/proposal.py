@@ -23,8 +23,8 @@ from ..law.super_twisting import SuperTwisting
 from ..law.surfaces import NonsingularTerminalSurface, Surface
 from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory
-from .checks import Checked, solve
-from .gain_design import Task, measure_task
+from .checks import Checked
+from .gain_design import Task
 from .mismatch import Mismatch
 from .motions import MotionMargin
 from .remedies import Remedy, Trial, Tried, try_remedies
@@ -243,14 +243,15 @@ def propose_gains(
         backend=how.backend,
     )
     q0 = np.array(arm.ready if q0 is None else arm.check_configuration("q0", q0))
-    measured = measure_task(task)
     target = _usual_impedance() if impedance is None else impedance
-    checked = solve(task, measured, target, q0, how.on_tick)
-    tried = Tried()
-    if checked.design.joint is not None:
-        trial = Trial(task, target, q0, how.on_tick, how.remedy_time)
-        tried = try_remedies(trial, checked)
-    return _proposal(task, checked, tried)
+    return _searched(Trial(task, target, q0, how.on_tick, how.remedy_time))
+
+
+def _searched(trial: Trial) -> GainProposal:
+    """The proposal for a task, with remedies where it is not feasible."""
+    checked = trial.of({})
+    tried = Tried() if checked.design.joint is None else try_remedies(trial, checked)
+    return _proposal(trial.task, checked, tried)
 
 
 def _checked_limits(limits: Limits | ArrayLike | None, nv: int) -> Limits | None:
