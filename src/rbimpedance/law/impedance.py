@@ -280,7 +280,7 @@ def _positive_definite(name: str, value: ArrayLike) -> Array:
 
 
 def _matrix(name: str, value: Array, nv: int) -> Array:
-    """MotionMargin a scalar or a vector over the diagonal."""
+    """Spread a scalar or a vector over the diagonal."""
     if value.ndim == 0:
         return float(value) * np.eye(nv)
     if value.shape[0] != nv:
