@@ -43,7 +43,7 @@ def figures() -> Mapping[str, Figure]:
     scenario = scenarios.paper(
         surface="fast-terminal", scheme="matched", known="full", duration=4.0
     )
-    mended = scenario.simulate()
+    corrected = scenario.simulate()
     arm = rbi.load_robot("two_link")
     surface = scenarios.paper_surface("fast-terminal")
     certificate = rbi.certify(
@@ -57,18 +57,22 @@ def figures() -> Mapping[str, Figure]:
         "tracking_errors": plotting.tracking_errors(published),
         "impedance_error": plotting.impedance_error(published),
         "torques": plotting.torques(published),
-        "comparison": plotting.comparison({"as published": published, "mended": mended}),
+        "comparison": plotting.comparison({"as published": published, "corrected": corrected}),
         "error_sizes": plotting.error_sizes(
-            {"as published": (published.t, published.e1), "mended": (mended.t, mended.e1)}
+            {"as published": (published.t, published.e1), "corrected": (corrected.t, corrected.e1)}
         ),
-        "convergence": plotting.convergence(mended, certificate),
-        "torque_margins": plotting.torque_margins(mended, 60.0),
-        "chatter_spectrum": plotting.chatter_spectrum({"published": published, "mended": mended}),
-        "phase_plane": plotting.phase_plane(mended, surface),
+        "convergence": plotting.convergence(corrected, certificate),
+        "torque_margins": plotting.torque_margins(corrected, 60.0),
+        "chatter_spectrum": plotting.chatter_spectrum(
+            {"published": published, "corrected": corrected}
+        ),
+        "phase_plane": plotting.phase_plane(corrected, surface),
         "robustness_map": plotting.robustness_map(
             payloads, gains, errors, labels=("payload [kg]", "gain k1", "abs(e1) [rad]")
         ),
-        "interaction_energy": plotting.interaction_energy(mended, rbi.energy_balance(mended, arm)),
+        "interaction_energy": plotting.interaction_energy(
+            corrected, rbi.energy_balance(corrected, arm)
+        ),
         "disturbance": plotting.disturbance(loaded, observed),
     }
 
@@ -85,15 +89,18 @@ def push(page: Path) -> Path:
 
 
 def contact_sheet(paths: list[Path]) -> Figure:
-    """All pictures on one page."""
-    sheet = Figure(figsize=(15.0, 3.4 * -(-len(paths) // 3)), layout="constrained")
-    for axes, path in zip(
-        sheet.subplots(-(-len(paths) // 3), 3).flat, [*paths, *[None] * 2], strict=False
-    ):
+    """All pictures on one page, in one scale."""
+    images = {path.stem: imread(path) for path in paths}
+    tallest, widest = (max(image.shape[i] for image in images.values()) for i in (0, 1))
+    rows = -(-len(paths) // 3)
+    sheet = Figure(figsize=(15.0, 5.0 * tallest / widest * rows), layout="constrained")
+    sheet.subplots(rows, 3)
+    for axes in sheet.axes:
         axes.axis("off")
-        if path is not None:
-            axes.imshow(imread(path))
-            axes.set_title(path.stem, fontsize=8)
+    for axes, (name, image) in zip(sheet.axes, images.items(), strict=False):
+        axes.imshow(image)
+        axes.set(xlim=(0, widest), ylim=(tallest, 0))
+        axes.set_title(name, fontsize=8, loc="left")
     return sheet
 
 

@@ -60,7 +60,7 @@ def assumption_2(scenario: Scenario, result: SimulationResult) -> dict[str, Any]
 
 def chatter() -> dict[str, dict[str, float]]:
     """Torque variation of joint 1 in the last 5 s at three periods."""
-    laws = {"paper's law": ("power", "explicit"), "both mended": ("fast-terminal", "matched")}
+    laws = {"paper's law": ("power", "explicit"), "both corrected": ("fast-terminal", "matched")}
     measured: dict[str, dict[str, float]] = {}
     for name, (surface, scheme) in laws.items():
         measured[name] = {}

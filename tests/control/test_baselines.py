@@ -19,8 +19,10 @@ from rbimpedance.control.baselines import (
     FirstOrderSlidingMode,
     PDGravity,
     PDPlus,
+    PIDImpedance,
     SlotineLi,
 )
+from rbimpedance.control.telemetry import Situation
 from rbimpedance.robot.knowledge import Knowledge
 from rbimpedance.trajectories import cosine, hold
 
@@ -48,6 +50,7 @@ BASELINES: dict[str, Callable[[rbi.ArmModel, float, Knowledge], Any]] = {
         arm, IMPEDANCE, 2.0, 30.0, dt, "dead-zone", 0.05, model=known
     ),
     "Slotine-Li": lambda arm, dt, known: SlotineLi(arm, IMPEDANCE, 2.0, 40.0, dt, model=known),
+    "PID": lambda arm, dt, known: PIDImpedance(arm, IMPEDANCE, 10.0, dt, model=known),
 }
 
 
@@ -62,6 +65,13 @@ def _inputs(arm: rbi.ArmModel, rng: np.random.Generator) -> tuple[Array, Array, 
     return q, v, reference, tau_ext
 
 
+def _leaves(state: Any) -> list[Array]:
+    """The arrays of a state, of the states in it too."""
+    if not isinstance(state, tuple):
+        return [np.asarray(state)]
+    return [leaf for part in state for leaf in _leaves(part)]
+
+
 # What all of them share
 
 
@@ -71,12 +81,12 @@ def test_torque_is_unchanged_when_the_step_is_repeated(name: str, rng: np.random
     inputs = _inputs(controller.arm, rng)
     kept = [np.copy(x) for x in (inputs[0], inputs[1], *inputs[2], inputs[3])]
     _, state = controller.step(controller.init(), *inputs)
-    before = [x.copy() for x in state]
+    before = [np.copy(x) for x in _leaves(state)]
     first, _ = controller.step(state, *inputs)
     second, _ = controller.step(state, *inputs)
     for one, other in zip(first, second, strict=True):
         assert_array_equal(one, other)
-    for old, new in zip(before, state, strict=True):
+    for old, new in zip(before, _leaves(state), strict=True):
         assert_array_equal(old, new)
     for old, new in zip(kept, (inputs[0], inputs[1], *inputs[2], inputs[3]), strict=True):
         assert_array_equal(old, new)
@@ -89,7 +99,7 @@ def test_output_owns_its_arrays(name: str, rng: np.random.Generator) -> None:
     output, state = controller.step(controller.init(), *inputs)
     given = [inputs[0], inputs[1], *inputs[2], inputs[3]]
     for i, array in enumerate(output):
-        others = [*output[:i], *state, *given]
+        others = [*output[:i], *_leaves(state), *given]
         assert not any(np.shares_memory(array, other) for other in others)
 
 
@@ -409,3 +419,117 @@ def test_mass_rate_minus_twice_coriolis_is_skew(
         M_dot = (ahead - behind) / (2.0 * h)
         C_w = coriolis_torque(arm.raw_dynamics, q, v, w)
         assert w @ M_dot @ w - 2.0 * w @ C_w == pytest.approx(0.0, abs=1e-7)
+
+
+# PID
+
+
+def test_pid_places_all_poles_of_the_sampled_loop_at_its_bandwidth() -> None:
+    dt, bandwidth = 5e-3, np.array([20.0, 5.0])
+    arm = rbi.load_robot("two_link").with_gravity([0.0, 0.0, 0.0])
+    controller = PIDImpedance(arm, IMPEDANCE, bandwidth, dt)
+    state, rest = controller.init(), np.zeros(2)
+    q, v = np.array([0.3, -0.2]), np.zeros(2)
+    errors = []
+    for _ in range(60):  # a plant that has the acceleration it is asked for, held for dt
+        output, state = controller.step(state, q, v, rbi.Reference(rest, rest, rest), rest)
+        a = np.linalg.solve(arm.mass_matrix(q), output.tau - arm.bias(q, v))
+        q, v = q + dt * v + dt**2 / 2.0 * a, v + dt * a
+        errors.append(output.e1)
+    e = np.array(errors)
+    pole = np.exp(-bandwidth * dt)
+    residual = e[3:] - 3.0 * pole * e[2:-1] + 3.0 * pole**2 * e[1:-2] - pole**3 * e[:-3]
+    assert_allclose(residual, 0.0, rtol=0.0, atol=1e-13)
+    assert_allclose(e[0], [-0.3, 0.2])
+
+
+def test_pid_error_decays_as_the_triple_pole_says_on_an_arm_that_is_known() -> None:
+    arm, p, gaps = manipulator(), 8.0, []
+    trajectory = hold(arm, np.linspace(-0.5, 0.5, 6))
+    e0 = np.array([0.2, -0.1, 0.15, 0.1, -0.2, 0.05])
+    for dt in (2e-3, 1e-3):
+        controller = PIDImpedance(arm, IMPEDANCE, p, dt)
+        result = rbi.simulate(controller, arm, trajectory, q0=trajectory(0.0).q - e0, duration=1.0)
+        t = result.t[:, np.newaxis]
+        gaps.append(np.abs(result.e1 - e0 * np.exp(-p * t) * (1.0 + p * t - (p * t) ** 2)).max())
+    assert gaps[1] < 0.01 * 0.2
+    assert gaps[1] / gaps[0] == pytest.approx(0.5, abs=0.1)  # held torque: first order
+
+
+def test_pid_leaves_no_error_under_an_unknown_payload(arm: rbi.ArmModel) -> None:
+    p, reference = 15.0, hold(arm, [0.4, 0.6])
+    result = rbi.simulate(
+        PIDImpedance(arm, IMPEDANCE, p, 1e-3),
+        arm.with_payload(2.0),
+        reference,
+        q0=reference(0.0).q,
+        duration=6.0,
+    )
+    assert np.abs(result.e1).max() > 1e-2
+    assert np.abs(result.e1[-1]).max() < 1e-9
+
+
+def test_pid_lags_behind_a_disturbance_that_grows_by_its_rate_over_the_bandwidth_cubed(
+    arm: rbi.ArmModel,
+) -> None:
+    p, dt, rate = 15.0, 1e-3, np.array([2.0, -3.0])
+    controller = PIDImpedance(arm, IMPEDANCE, p, dt)
+    state, rest = controller.init(), np.zeros(2)
+    q, v = np.zeros(2), np.zeros(2)
+    for k in range(2000):
+        output, state = controller.step(state, q, v, rbi.Reference(rest, rest, rest), rest)
+        a = two_link.forward_dynamics(q, v, output.tau) - rate * k * dt
+        q, v = q + dt * v + dt**2 / 2.0 * a, v + dt * a
+    assert_allclose(output.e1, rate / p**3, rtol=0.05)
+
+
+@pytest.mark.parametrize("limits", [rbi.Limits(effort=25.0), rbi.Limits(rate=1.0)])
+def test_pid_does_not_wind_up_while_brakes_hold_the_arm(
+    arm: rbi.ArmModel, limits: rbi.Limits
+) -> None:
+    dt, rest = 1e-3, np.zeros(2)
+    controller = PIDImpedance(arm, IMPEDANCE, 15.0, dt, limits=limits)
+    weightless = np.array([np.pi / 2.0, 0.0])  # upright
+    braked, state = weightless - 0.5, controller.init()
+    reference = rbi.Reference(weightless, rest, rest)
+    for _ in range(3000):
+        before = state
+        output, state = controller.step(state, braked, rest, reference, rest)
+        assert (np.abs(output.tau) <= limits.effort).all()
+        if before.ticks:
+            assert (np.abs(output.tau - before.tau) <= limits.rate * dt + 1e-12).all()
+    assert (output.saturated | output.rate_limited)[0]
+    assert 0.0 <= state.integral[0] <= 2.0 * dt * 0.5  # without clamping: 3 s of 0.5 rad
+
+
+def test_pid_integrates_over_the_time_that_a_late_tick_took(arm: rbi.ArmModel) -> None:
+    dt, rest, error = 1e-3, np.zeros(2), np.array([0.02, -0.01])
+    controller = PIDImpedance(arm, IMPEDANCE, 15.0, dt)
+    reference = rbi.Reference(error, rest, rest)
+    _, state = controller.step(controller.init(), rest, rest, reference, rest)
+    for period in (dt, 3.5 * dt):
+        _, late = controller.step(state, rest, rest, reference, rest, period)
+        assert_allclose(late.integral, error * (period + dt), rtol=1e-12)
+    with pytest.raises(rbi.InputError, match="period"):
+        controller.step(state, rest, rest, reference, rest, -dt)
+
+
+def test_pid_takes_an_arm_over_with_the_integral_that_it_has(arm: rbi.ArmModel) -> None:
+    q, v, rest = np.array([0.3, 0.1]), np.array([0.2, -0.1]), np.zeros(2)
+    controller = PIDImpedance(arm, IMPEDANCE, 15.0, 1e-3)
+    learnt = np.array([0.01, -0.02])
+    reference = rbi.Reference(rest, rest, rest)
+    now = Situation(q, v, rest, reference, tau=rest, tau_ext=rest)
+    state = controller.handover(controller.init()._replace(integral=learnt), now)
+    output, _ = controller.step(state, q, v, reference, rest)
+    assert_allclose([output.e1, output.e2], 0.0, rtol=0.0, atol=1e-15)
+    assert_allclose(output.u, 15.0**3 * learnt, rtol=0.03)
+
+
+def test_pid_refuses_a_bandwidth_and_limits_that_cannot_be(arm: rbi.ArmModel) -> None:
+    with pytest.raises(rbi.ParameterError, match="bandwidth"):
+        PIDImpedance(arm, IMPEDANCE, 0.0, 1e-3)
+    with pytest.raises(rbi.DimensionError, match="bandwidth"):
+        PIDImpedance(arm, IMPEDANCE, [1.0, 2.0, 3.0], 1e-3)
+    with pytest.raises(rbi.DimensionError, match=r"limits\.effort"):
+        PIDImpedance(arm, IMPEDANCE, 10.0, 1e-3, limits=[1.0, 2.0, 3.0])

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Annotation
 
 from rbimpedance import (
     SimulationResult,
@@ -18,6 +19,7 @@ from rbimpedance import (
     load_robot,
 )
 from rbimpedance.pictures import figures as plotting
+from rbimpedance.pictures.figures.style import name_lines
 from rbimpedance.simulation import scenarios
 
 
@@ -68,10 +70,30 @@ def test_every_axis_says_its_unit(result: SimulationResult) -> None:
 
 
 def test_comparison_names_every_law_and_the_figure_of_its_bar(result: SimulationResult) -> None:
-    axes = plotting.comparison({"first": result, "second": result}).axes
-    assert [text.get_text() for text in axes[1].get_yticklabels()] == ["first", "second"]
-    variation = result.metrics(after=0.05)["tau_variation"][0]
-    assert {text.get_text().strip() for text in axes[1].texts} == {f"{variation:.3g}"}
+    upper, lower, bars = plotting.comparison({"first": result, "second": result}).axes
+    variation = f"{result.metrics(after=0.05)['tau_variation'][0]:.3g}"
+    assert [text.get_text().split() for text in bars.texts] == [
+        [variation, "first"],
+        [variation, "second"],
+    ]
+    for axes in (upper, lower):
+        assert [text.get_text() for text in axes.texts] == ["first", "second"]
+
+
+def test_names_stand_beside_the_ends_of_their_lines_and_apart() -> None:
+    figure = Figure()
+    axes = figure.subplots()
+    ends = {"low": 1e-3, "middle": 1.0, "close": 1.1, "high": 1e3}
+    for name, y in ends.items():
+        axes.semilogy([0.0, 1.0], [1.0, y], label=name)
+    name_lines(axes, axes.get_lines())
+    figure.canvas.draw()
+    shown = {text.get_text(): text for text in axes.texts if isinstance(text, Annotation)}
+    for name, y in ends.items():
+        _, wanted = axes.transAxes.inverted().transform(axes.transData.transform((1.0, y)))
+        assert shown[name].xy[1] == pytest.approx(wanted)
+    places = np.array([shown[name].xyann[1] for name in ends]) * axes.bbox.height
+    assert (np.diff(places) >= 7.5 / 72.0 * figure.dpi).all()  # the height of a line of text
 
 
 def test_style_does_not_leak_into_the_users_figures(result: SimulationResult) -> None:

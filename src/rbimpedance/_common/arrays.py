@@ -94,7 +94,7 @@ def gain(name: str, value: ArrayLike, admissible: str, is_admissible: Any) -> Ar
 
 
 def per_joint(name: str, value: Array, nv: int) -> Array:
-    """MotionMargin a scalar gain over the joints, or check that there is one for each.
+    """Spread a scalar gain over the joints, or check that there is one for each.
 
     Raises:
         DimensionError: Neither a scalar nor of shape (nv,).

@@ -23,7 +23,7 @@ from .telemetry import ControllerOutput, Situation, flags
 
 
 class BaselineState(NamedTuple):
-    """What a baseline remembers: the impedance filter alone.
+    """What a baseline without an integrator remembers: the impedance filter.
 
     Attributes:
         q_e: Position of the impedance filter at this tick, shape (nv,) [rad or m].
@@ -49,8 +49,8 @@ class Answer(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Baseline(ABC):
-    """A control law around the impedance filter; children give `_law`."""
+class Baseline:
+    """What every baseline has: arm, target, period, the impedance filter and the figure e_im."""
 
     arm: ArmModel
     impedance: TargetImpedance
@@ -77,9 +77,63 @@ class Baseline(ABC):
             _filter=impedance.filter(arm.nv, dt),
         )
 
+    def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
+        """Return e_im (paper, eq. 5), shape (nv,) [N·m or N]; see `ImpedanceController`.
+
+        Args:
+            output: Of the tick.
+            a: Acceleration under the tick's torque, measured or simulated, shape (nv,).
+        """
+        e1, e2, e3 = output.e1, output.e2, output.a_r - a
+        return self._filter.error(e1, e2, e3, output.q_e, output.v_e)
+
+    def _passive_torque(self, q: Array, v: Array, v_ref: Array, a_ref: Array) -> Array:
+        """M a_ref + C(q, v) v_ref + g + friction(v), or M a_ref where only M is known."""
+        dynamics = self.arm.raw_dynamics
+        torque: Array = dynamics.mass_matrix(q) @ a_ref
+        if self.model == "inertia":
+            return torque
+        gravity = dynamics.bias(q, np.zeros_like(v))
+        return torque + coriolis_torque(dynamics, q, v, v_ref) + gravity + dynamics.friction(v)
+
+    def _spring_damper(self, tick: Tracking) -> Array:
+        """D_d(v_d - v) + K_d(q_d - q), or what takes their place in a nonlinear target."""
+        q_d, v_d, _ = tick.desired
+        position = self.arm.raw_dynamics.difference(tick.q, q_d)
+        return self._filter.restoring_torque(position, v_d - tick.v)
+
+    def _filter_at_rest(self) -> BaselineState:
+        zero = np.zeros(self.arm.nv)
+        zero.setflags(write=False)
+        return BaselineState(zero, zero, zero, zero, zero)
+
+    def _filter_after(self, state: BaselineState, tau_ext: Array) -> BaselineState:
+        """The filter after a tick."""
+        q_e, v_e = state.q_e, state.v_e
+        return BaselineState(*self._filter.advance(q_e, v_e, tau_ext), np.array(tau_ext), q_e, v_e)
+
+    def _filter_elapsed(self, state: BaselineState, period: float) -> BaselineState:
+        """The filter a measured period, already checked, after the tick before."""
+        if period == self.dt:
+            return state
+        before = state.q_e_before, state.v_e_before, state.tau_ext
+        q_e, v_e = self._filter.advance(*before, period)
+        return state._replace(q_e=q_e, v_e=v_e)
+
+    def _filter_at(self, now: Situation) -> BaselineState:
+        """The filter that starts from the arm as it is: q_r = q and v_r = v."""
+        q_e = self.arm.raw_dynamics.difference(now.reference.q, now.q)
+        v_e = now.v - now.reference.v
+        return BaselineState(q_e, v_e, np.array(now.tau_ext), q_e, v_e)
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class MemorylessBaseline(Baseline, ABC):
+    """A control law that remembers nothing but the impedance filter; children give `_law`."""
+
     @property
     def limits(self) -> None:
-        """None: a baseline keeps no torque limits."""
+        """None: these baselines keep no torque limits."""
         return None
 
     @abstractmethod
@@ -88,9 +142,7 @@ class Baseline(ABC):
 
     def init(self) -> BaselineState:
         """Return the state before the first tick: filter at rest."""
-        zero = np.zeros(self.arm.nv)
-        zero.setflags(write=False)
-        return BaselineState(zero, zero, zero, zero, zero)
+        return self._filter_at_rest()
 
     def step(
         self,
@@ -125,18 +177,8 @@ class Baseline(ABC):
         tick = track(
             self.arm, self._filter, q_e, v_e, q=q, v=v, reference=reference, tau_ext=tau_ext
         )
-        tau, s, u = self._law(tick)
-        output = ControllerOutput(
-            tau,
-            *(tick.q_r, tick.v_r, tick.a_r, tick.e1, tick.e2, s),
-            u=u,
-            q_e=q_e.copy(),
-            v_e=v_e.copy(),
-            premise_holds=np.zeros(self.arm.nv, dtype=np.bool_),
-            **flags(self.arm.nv),
-        )
-        following = self._filter.advance(q_e, v_e, tick.tau_ext)
-        return output, BaselineState(*following, np.array(tick.tau_ext), q_e, v_e)
+        output = baseline_output(tick, self._law(tick), q_e, v_e)
+        return output, self._filter_after(state, tick.tau_ext)
 
     def elapsed(self, state: BaselineState, period: float) -> BaselineState:
         """Return the state at a tick that comes a measured time after the one before; see `ImpedanceController`.
@@ -149,11 +191,7 @@ class Baseline(ABC):
             InputError: A period that is refused there.
         """
         period = checked_period(period, self.dt)
-        if period == self.dt:
-            return state
-        before = state.q_e_before, state.v_e_before, state.tau_ext
-        q_e, v_e = self._filter.advance(*before, period)
-        return state._replace(q_e=q_e, v_e=v_e)
+        return self._filter_elapsed(state, period)
 
     def handover(self, state: BaselineState, now: Situation) -> BaselineState:
         """Return the state with which the controller takes the arm over as it is now: q_r = q and v_r = v.
@@ -162,35 +200,29 @@ class Baseline(ABC):
             state: The last state, or that of `init`.
             now: The arm at the tick to come.
         """
-        q_e = self.arm.raw_dynamics.difference(now.reference.q, now.q)
-        v_e = now.v - now.reference.v
-        tau_ext = np.array(now.tau_ext)
-        return state._replace(q_e=q_e, v_e=v_e, tau_ext=tau_ext, q_e_before=q_e, v_e_before=v_e)
+        del state
+        return self._filter_at(now)
 
-    def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
-        """Return e_im (paper, eq. 5), shape (nv,) [N·m or N]; see `ImpedanceController`.
 
-        Args:
-            output: Of the tick.
-            a: Acceleration under the tick's torque, measured or simulated, shape (nv,).
-        """
-        e1, e2, e3 = output.e1, output.e2, output.a_r - a
-        return self._filter.error(e1, e2, e3, output.q_e, output.v_e)
+def baseline_output(tick: Tracking, answer: Answer, q_e: Array, v_e: Array) -> ControllerOutput:
+    """Return the output of a tick without limits: every flag is False.
 
-    def _passive_torque(self, q: Array, v: Array, v_ref: Array, a_ref: Array) -> Array:
-        """M a_ref + C(q, v) v_ref + g + friction(v), or M a_ref where only M is known."""
-        dynamics = self.arm.raw_dynamics
-        torque: Array = dynamics.mass_matrix(q) @ a_ref
-        if self.model == "inertia":
-            return torque
-        gravity = dynamics.bias(q, np.zeros_like(v))
-        return torque + coriolis_torque(dynamics, q, v, v_ref) + gravity + dynamics.friction(v)
-
-    def _spring_damper(self, tick: Tracking) -> Array:
-        """D_d(v_d - v) + K_d(q_d - q), or what takes their place in a nonlinear target."""
-        q_d, v_d, _ = tick.desired
-        position = self.arm.raw_dynamics.difference(tick.q, q_d)
-        return self._filter.restoring_torque(position, v_d - tick.v)
+    Args:
+        tick: Measurements, reference and errors.
+        answer: What the law makes of them.
+        q_e: Position of the impedance filter at this tick, shape (nv,).
+        v_e: Its velocity, shape (nv,).
+    """
+    nv = len(tick.v)
+    return ControllerOutput(
+        answer.tau,
+        *(tick.q_r, tick.v_r, tick.a_r, tick.e1, tick.e2, answer.s),
+        u=answer.u,
+        q_e=q_e.copy(),
+        v_e=v_e.copy(),
+        premise_holds=np.zeros(nv, dtype=np.bool_),
+        **flags(nv),
+    )
 
 
 def coriolis_torque(dynamics: PinocchioDynamics, q: Array, v: Array, w: Array) -> Array:

@@ -22,8 +22,9 @@ from ..exceptions import ParameterError
 from ..law.impedance import TargetImpedance
 from ..robot.arm_model import ArmModel
 from ..robot.knowledge import Knowledge, model_torque
-from .baseline_law import Answer, Baseline
+from .baseline_law import Answer, MemorylessBaseline
 from .errors import Tracking
+from .pid import PIDImpedance as PIDImpedance  # noqa: PLC0414 (part of this module's interface)
 
 Smoothing: TypeAlias = Literal["sign", "boundary-layer", "dead-zone"]
 """What a first-order sliding mode switches with."""
@@ -31,7 +32,7 @@ Smoothing: TypeAlias = Literal["sign", "boundary-layer", "dead-zone"]
 
 @brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
-class ComputedTorqueImpedance(Baseline):
+class ComputedTorqueImpedance(MemorylessBaseline):
     """Impedance control by inverse dynamics (Hogan 1985).
 
         tau = M(q)·{a_d + M_d⁻¹[D_d(v_d - v) + K_d(q_d - q) + tau_ext]} + bias(q, v) - tau_ext
@@ -50,7 +51,7 @@ class ComputedTorqueImpedance(Baseline):
         DimensionError: A gain is given for another number of joints.
 
     References:
-        N. Hogan, Impedance control: an approach to manipulation, parts I-III, RunLog of Dynamic
+        N. Hogan, Impedance control: an approach to manipulation, parts I-III, Journal of Dynamic
         Systems, Measurement, and Control 107, 1985.
     """
 
@@ -64,7 +65,7 @@ class ComputedTorqueImpedance(Baseline):
 
 @brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
-class PDGravity(Baseline):
+class PDGravity(MemorylessBaseline):
     """Joint stiffness: PD control with gravity compensation (Takegaki and Arimoto 1981).
 
         tau = g(q) + D_d(v_d - v) + K_d(q_d - q)
@@ -94,7 +95,7 @@ class PDGravity(Baseline):
 
 @brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
-class PDPlus(Baseline):
+class PDPlus(MemorylessBaseline):
     """PD+ (Paden and Panja 1988): PD control with gravity compensation that tracks moving targets.
 
         tau = M(q) a_d + C(q, v) v_d + g(q) + friction(v) + D_d(v_d - v) + K_d(q_d - q)
@@ -113,7 +114,7 @@ class PDPlus(Baseline):
 
     References:
         B. Paden, R. Panja, Globally asymptotically stable 'PD+' controller for robot manipulators,
-        International RunLog of Control 47, 1988.
+        International Journal of Control 47, 1988.
     """
 
     def _law(self, tick: Tracking) -> Answer:
@@ -124,7 +125,7 @@ class PDPlus(Baseline):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class FirstOrderSlidingMode(Baseline):
+class FirstOrderSlidingMode(MemorylessBaseline):
     """First-order sliding mode towards q_r, with s = e2 + λ·e1 and ṡ = -u + w.
 
         tau = RNEA(q, v, a_r + λ·e2 + u) - tau_ext,    u = k·switch(s)
@@ -204,7 +205,7 @@ class FirstOrderSlidingMode(Baseline):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class SlotineLi(Baseline):
+class SlotineLi(MemorylessBaseline):
     """Passivity-based sliding towards q_r (Slotine and Li 1987), without adaptation.
 
         tau = M(q) a_s + C(q, v) v_s + g(q) + friction(v) + K_s·s - tau_ext,
@@ -226,7 +227,7 @@ class SlotineLi(Baseline):
         DimensionError: A gain is given for another number of joints.
 
     References:
-        J.-J. E. Slotine, W. Li, On the adaptive control of robot manipulators, International RunLog
+        J.-J. E. Slotine, W. Li, On the adaptive control of robot manipulators, International Journal
         of Robotics Research 6, 1987.
     """
 

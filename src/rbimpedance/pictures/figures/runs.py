@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from ..._common.arrays import Array
 from ...simulation.result import SimulationResult
-from .style import STYLE, NotebookFigure, draw_channels, panels
+from .style import STYLE, NotebookFigure, draw_channels, name_lines, panels
 
 
 def tracking_errors(result: SimulationResult) -> Figure:
@@ -54,25 +54,27 @@ def comparison(results: Mapping[str, SimulationResult]) -> Figure:
     """Errors on a log scale and the torque's variation, for several controllers under the same conditions.
 
     Args:
-        results: Results of equal length by name, in the order of the legend.
+        results: Results of equal length by name, from top to bottom.
 
     Returns:
         Three panels: largest abs(e1) and abs(e_im) of any joint over time, and the total variation per second of the
         first joint's torque over the second half of the run.
     """
     with mpl.rc_context(STYLE):
-        figure = NotebookFigure(figsize=(10.0, 6.2))
-        parts = figure.subplot_mosaic([["e1", "tau"], ["e_im", "tau"]], width_ratios=(1.6, 1.0))
-        upper, lower, bars = parts["e1"], parts["e_im"], parts["tau"]
+        figure = NotebookFigure(figsize=(7.6, 5.6 + 0.19 * len(results)))
+        heights = (2.3, 2.3, 0.5 + 0.19 * len(results))
+        upper, lower, bars = figure.subplots(3, 1, height_ratios=heights)
         upper.sharex(lower)
         upper.tick_params(labelbottom=False)
-        for name, result in results.items():
-            upper.semilogy(result.t, np.abs(result.e1).max(axis=1), label=name)
-            lower.semilogy(result.t, np.abs(result.e_im).max(axis=1))
+        for axes, channel in ((upper, "e1"), (lower, "e_im")):
+            for name, result in results.items():
+                largest = np.abs(getattr(result, channel)).max(axis=1)
+                axes.semilogy(result.t, largest, label=name)
+            axes.margins(x=0.0)
+            name_lines(axes, axes.get_lines())
         upper.set_ylabel(r"largest $|e_1|$ [rad]")
         lower.set_ylabel(r"largest $|e_{im}|$ [N$\cdot$m]")
         lower.set_xlabel("time [s]")
-        lower.margins(x=0.0)
         _variation_bars(bars, results)
     return figure
 
@@ -88,12 +90,12 @@ def error_sizes(runs: Mapping[str, tuple[Array, Array]]) -> Figure:
             axes[0].semilogy(t, np.abs(e1).max(axis=1), label=name)
         axes[0].set_ylabel(r"largest $|e_1|$ [rad]")
         axes[0].margins(x=0.0)
-        axes[0].legend(loc="upper right", fontsize=7.5)
+        name_lines(axes[0], axes[0].get_lines())
     return figure
 
 
 def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
-    """Write a figure; the ending of the name chooses the format (.png, .pdf, .svg).
+    """Write a figure; the ending of the name chooses the format: .pdf and .svg to print, .png for a screen.
 
     Args:
         figure: The figure.
@@ -102,24 +104,22 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
     Returns:
         The path that was written.
     """
-    figure.savefig(path)
+    with mpl.rc_context({"pdf.fonttype": 42}):  # fonts as outlines, which publishers ask for
+        figure.savefig(path)
     return Path(path)
 
 
 def _variation_bars(axes: Axes, results: Mapping[str, SimulationResult]) -> None:
-    """One horizontal bar per result, in the colour and line style of its curve."""
+    """One horizontal bar per result, in the colour and line style of its curve, with its figure and name."""
     styles = mpl.rcParams["axes.prop_cycle"]
-    for i, (result, style) in enumerate(zip(results.values(), styles, strict=False)):
+    for i, ((name, result), style) in enumerate(zip(results.items(), styles, strict=False)):
         variation = result.metrics(after=result.t[-1] / 2.0)["tau_variation"][0]
         line = {"color": style["color"], "linestyle": style["linestyle"]}
-        axes.plot(
-            [1e-2, variation], [i, i], linewidth=4.0 if style["linestyle"] == "-" else 2.0, **line
-        )
-        axes.annotate(f" {variation:.3g}", (variation, i), va="center", fontsize=7.5)
+        axes.plot([1e-2, variation], [i, i], linewidth=3.0, **line)
+        text = f" {variation:.3g}  {name}"
+        axes.annotate(text, (variation, i), va="center", fontsize=7.5, color=style["color"])
     axes.set_xscale("log")
     axes.set_xlim(left=1e-1)
-    axes.margins(x=0.25)
-    axes.set_yticks(range(len(results)), list(results), fontsize=8.0)
+    axes.set_yticks([])
     axes.invert_yaxis()
-    axes.grid(visible=False, axis="y")
     axes.set_xlabel(r"variation of $\tau_1$, second half [N$\cdot$m/s]")

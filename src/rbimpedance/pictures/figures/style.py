@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from ..._common.arrays import Array
 from ...simulation.result import SimulationResult
@@ -62,3 +63,45 @@ def draw_channels(axes: Axes, result: SimulationResult, values: Array, label: st
     axes.set_ylabel(label)
     axes.margins(x=0.0)
     axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7.5)
+
+
+def name_lines(axes: Axes, lines: Sequence[Line2D]) -> None:
+    """Write the label of every line beside its end, in its colour; call it when the limits are final."""
+    axes.get_xlim(), axes.get_ylim()  # matplotlib sets them when they are asked for
+    to_axes = axes.transData + axes.transAxes.inverted()
+    last = [
+        (float(x[-1]), float(y[np.isfinite(y)][-1]))
+        for x, y in ((np.asarray(a.get_xdata()), np.asarray(a.get_ydata())) for a in lines)
+    ]
+    ends = np.clip(to_axes.transform(last)[:, 1], 0.0, 1.0)
+    inches = axes.bbox.height / axes.figure.dpi
+    for line, end, place in zip(lines, ends, _apart(ends, 0.15 / inches), strict=True):
+        axes.annotate(
+            str(line.get_label()),
+            (1.0, end),
+            (1.05, place),
+            xycoords="axes fraction",
+            color=line.get_color(),
+            fontsize=7.5,
+            va="center",
+            arrowprops={
+                "arrowstyle": "-",
+                "color": line.get_color(),
+                "linewidth": 0.6,
+                "relpos": (0.0, 0.5),
+                "shrinkA": 1.0,
+                "shrinkB": 0.0,
+            },
+        )
+
+
+def _apart(wanted: Array, gap: float) -> Array:
+    """Places in [0, 1] near the wanted ones, in their order, with a gap between any two."""
+    order = np.argsort(wanted, kind="stable")
+    gaps = gap * np.arange(len(order))
+    upwards = np.maximum.accumulate(wanted[order] - gaps)
+    downwards = np.minimum.accumulate((wanted[order] - gaps)[::-1])[::-1]
+    places = np.empty_like(wanted)
+    middle = np.clip((upwards + downwards) / 2.0, 0.0, max(0.0, 1.0 - gaps[-1]))
+    places[order] = middle + gaps
+    return places

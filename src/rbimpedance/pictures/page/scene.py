@@ -88,16 +88,9 @@ def scene(
     ghosts = [drawing.poses(frame.q_r) for frame in frames if frame.q_r is not None]
     wrenches = np.array([_wrenches(frame) for frame in frames])
     outline = outline_of(drawing, [*arm, *ghosts], frames)
-    center = (outline.min(axis=0) + outline.max(axis=0)) / 2.0
-    radius = float(np.linalg.norm(outline - center, axis=1).max()) or 1.0
-    arrows = {
-        "force": {"size": ARROW * radius, "largest": _largest(wrenches[:, :, 3:6])},
-        "moment": {"size": CURL * radius, "largest": _largest(wrenches[:, :, 6:9])},
-    }
-    if wrenches.size:
-        tips = wrenches[:, :, :3] + _scaled(wrenches[:, :, 3:6], **arrows["force"])
-        turns = wrenches[:, :, :3] + _scaled(wrenches[:, :, 6:9], **arrows["moment"])
-        outline = spread(np.concatenate([outline, tips.reshape(-1, 3), turns.reshape(-1, 3)]))
+    center, radius = _ball(outline)
+    arrows = _arrows(wrenches, radius)
+    outline = _with_arrows(outline, wrenches, arrows)
     moving = {
         "arm": arm,
         "ghost": np.array(ghosts) if ghosts else None,
@@ -140,6 +133,29 @@ def spread(points: Array, directions: int = 300) -> Array:
     )
     farthest: Array = points[np.unique(np.argmax(points @ sphere, axis=0))]
     return farthest
+
+
+def _ball(outline: Array) -> tuple[Array, float]:
+    """Centre and radius of a ball around the outline [m]."""
+    center = (outline.min(axis=0) + outline.max(axis=0)) / 2.0
+    return center, float(np.linalg.norm(outline - center, axis=1).max()) or 1.0
+
+
+def _arrows(wrenches: Array, radius: float) -> dict[str, dict[str, float]]:
+    """The largest force and moment, and the size of their arrows in a scene of a radius."""
+    return {
+        "force": {"size": ARROW * radius, "largest": _largest(wrenches[:, :, 3:6])},
+        "moment": {"size": CURL * radius, "largest": _largest(wrenches[:, :, 6:9])},
+    }
+
+
+def _with_arrows(outline: Array, wrenches: Array, arrows: dict[str, dict[str, float]]) -> Array:
+    """The outline with the tips of all arrows."""
+    if not wrenches.size:
+        return outline
+    tips = wrenches[:, :, :3] + _scaled(wrenches[:, :, 3:6], **arrows["force"])
+    turns = wrenches[:, :, :3] + _scaled(wrenches[:, :, 6:9], **arrows["moment"])
+    return spread(np.concatenate([outline, tips.reshape(-1, 3), turns.reshape(-1, 3)]))
 
 
 def _wrenches(frame: Frame) -> Array:

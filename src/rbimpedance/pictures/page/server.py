@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import sys
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from queue import Empty, Full, Queue
 from typing import Any
@@ -34,7 +35,7 @@ class Server:
         self._listeners: set[Queue[str | None]] = set()
         self._lock = threading.Lock()
         try:
-            self._http = _Http(("127.0.0.1", port), self._handler())
+            self._http = _Http(port, self)
         except (OSError, OverflowError) as error:
             raise ParameterError(
                 "port", port, f"free on this machine, or 0 for any ({error})"
@@ -62,63 +63,77 @@ class Server:
         self._http.shutdown()
         self._http.server_close()
 
-    def _handler(self) -> type[BaseHTTPRequestHandler]:
-        server = self
+    def page(self) -> bytes:
+        """The page as it is now."""
+        return self._page(self._count).encode()
 
-        class Handler(BaseHTTPRequestHandler):
-            def do_GET(self) -> None:
-                host = self.headers.get("Host", "").rpartition(":")[0]
-                if (
-                    host not in _NAMES
-                ):  # a page of another site, under a name that it made mean this machine
-                    self.send_error(403)
-                elif self.path == "/":
-                    self._answer("text/html; charset=utf-8", server._page(server._count).encode())
-                elif self.path.startswith("/events?"):
-                    self._tell_news(self.path.removeprefix("/events?"))
-                else:
-                    self.send_error(404)
-
-            def log_message(self, *args: object) -> None:
-                del args
-
-            def _answer(self, kind: str, content: bytes) -> None:
-                self.send_response(200)
-                self.send_header("Content-Type", kind)
-                self.send_header("Content-Length", str(len(content)))
-                self.send_header("Cache-Control", "no-store")
-                self.end_headers()
-                self.wfile.write(content)
-
-            def _tell_news(self, known: str) -> None:
-                queue: Queue[str | None] = Queue(maxsize=1)
-                with server._lock:  # before the answer: whoever has it misses nothing
-                    server._listeners.add(queue)
-                    if known != str(server._count) and server._latest:
-                        queue.put_nowait(server._latest)
-                try:
-                    self.send_response(200)
-                    self.send_header("Content-Type", "text/event-stream")
-                    self.send_header("Cache-Control", "no-store")
-                    self.end_headers()
-                    while (message := _next(queue)) is not None:
-                        self.wfile.write(message.encode())
-                        self.wfile.flush()
-                finally:
-                    with server._lock:
-                        server._listeners.discard(queue)
-
-        return Handler
+    @contextmanager
+    def news(self, known: str) -> Iterator[Queue[str | None]]:
+        """A queue that gets all news since the number that is known, as long as the context lasts."""
+        queue: Queue[str | None] = Queue(maxsize=1)
+        with self._lock:
+            self._listeners.add(queue)
+            if known != str(self._count) and self._latest:
+                queue.put_nowait(self._latest)
+        try:
+            yield queue
+        finally:
+            with self._lock:
+                self._listeners.discard(queue)
 
 
 class _Http(ThreadingHTTPServer):
     daemon_threads = True
     block_on_close = False
 
+    def __init__(self, port: int, owner: Server) -> None:
+        super().__init__(("127.0.0.1", port), _Handler)
+        self.owner = owner
+
     def handle_error(self, request: Any, client_address: Any) -> None:
         """A browser that leaves is no error; everything else is one."""
         if not isinstance(sys.exc_info()[1], OSError):
             super().handle_error(request, client_address)
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: _Http
+
+    def do_GET(self) -> None:
+        host = self.headers.get("Host", "").rpartition(":")[0]
+        if (
+            host not in _NAMES
+        ):  # a page of another site, under a name that it made mean this machine
+            self.send_error(403)
+        elif self.path == "/":
+            self._send_page(self.server.owner.page())
+        elif self.path.startswith("/events?"):
+            self._send_news(self.path.removeprefix("/events?"))
+        else:
+            self.send_error(404)
+
+    def log_message(self, *args: object) -> None:
+        del args
+
+    def _send_page(self, content: bytes) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", "text/html; charset=utf-8")
+        self.send_header("Content-Length", str(len(content)))
+        self.send_header("Cache-Control", "no-store")
+        self.end_headers()
+        self.wfile.write(content)
+
+    def _send_news(self, known: str) -> None:
+        with self.server.owner.news(
+            known
+        ) as queue:  # before the answer: whoever has it misses nothing
+            self.send_response(200)
+            self.send_header("Content-Type", "text/event-stream")
+            self.send_header("Cache-Control", "no-store")
+            self.end_headers()
+            while (message := _next(queue)) is not None:
+                self.wfile.write(message.encode())
+                self.wfile.flush()
 
 
 def _next(queue: Queue[str | None]) -> str | None:
