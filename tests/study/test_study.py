@@ -285,7 +285,7 @@ def test_deviation_is_the_step_response_where_the_arm_does_not_yield(
         **unused,
         provenance=provenance(spring_on(arm, dt), arm),
     )
-    figures = measure(result, task, rbi.trajectories.hold(arm), after)
+    figures = measure(result, task, rbi.trajectories.hold(arm, arm.neutral), after)
     response = (0.5 - np.exp(-t) + np.exp(-2.0 * t) / 2.0)[t >= after]
     expected = np.outer(response, tau_ext)
     assert figures["deviation_rms"] == pytest.approx(np.sqrt(np.mean(expected**2)), rel=1e-9)
