@@ -75,6 +75,21 @@ def test_old_flag_of_the_output_warns(
         assert (getattr(output, old) == getattr(output, new)).all()
 
 
+def test_backend_of_a_run_is_now_that_of_its_controller(
+    controller: rbi.ImpedanceController,
+) -> None:
+    given: Any = controller.arm, rbi.trajectories.hold(controller.arm)
+    old: dict[str, Any] = {"duration": 0.01, "backend": "numpy"}
+    expected = rbi.simulate(controller.with_backend("numpy"), *given, duration=0.01)
+    with pytest.warns(DeprecationWarning, match="backend= of simulate is now backend= of Imp"):
+        by_position = rbi.simulate(controller, *given, **old)
+    with pytest.warns(DeprecationWarning, match="backend= of simulate is now backend= of Imp"):
+        by_name = rbi.simulate(controller=controller, plant=given[0], trajectory=given[1], **old)
+    for result in (by_position, by_name):
+        assert result.provenance["controller"]["backend"] == "numpy"
+        assert np.array_equal(result.tau, expected.tau)
+
+
 def test_old_arguments_are_taken(controller: rbi.ImpedanceController) -> None:
     c: Any = controller
     with pytest.warns(DeprecationWarning, match="is now") as said:

@@ -12,7 +12,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import rbimpedance as rbi
-from rbimpedance._numba.notices import say_once
+from rbimpedance._numba import warn_once
 from rbimpedance.simulation.closed_loop import CHANNELS
 from rbimpedance.trajectories import cosine, hold
 
@@ -31,7 +31,7 @@ def build(arm: rbi.ArmModel, k1: float = 8.0, **changes: Any) -> rbi.ImpedanceCo
 
 @pytest.fixture
 def said(caplog: pytest.LogCaptureFixture) -> pytest.LogCaptureFixture:
-    say_once.cache_clear()
+    warn_once.cache_clear()
     return caplog
 
 
@@ -76,7 +76,8 @@ def test_batch_is_simulate_world_by_world(
     assert len(batch) == 7
     assert not batch.diverged.any()
     for i, world in enumerate(given):
-        alone = rbi.simulate(**world, **settings, backend="compiled")
+        controller = world["controller"].with_backend("compiled")
+        alone = rbi.simulate(**(world | {"controller": controller}), **settings)
         assert_array_equal(batch.t, alone.t[::3])
         for name in CHANNELS:
             assert_array_equal(batch[name][i], getattr(alone, name)[::3])
@@ -95,7 +96,8 @@ def test_what_is_not_listed_is_shared_by_all_worlds(rng: np.random.Generator) ->
     batch = rbi.simulate_batch(*given, q0=q0, **shared, duration=0.05, channels=("tau",))
     assert batch["tau"].shape == (3, 51, 6)
     for i in range(3):
-        alone = rbi.simulate(*given, q0=q0[i], **shared, duration=0.05, backend="compiled")
+        compiled = given[0].with_backend("compiled")
+        alone = rbi.simulate(compiled, *given[1:], q0=q0[i], **shared, duration=0.05)
         assert_array_equal(batch["tau"][i], alone.tau)
 
 

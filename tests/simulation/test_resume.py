@@ -54,6 +54,7 @@ def simulated(
         rbi.SuperTwisting(8.0, [10.0, 11.0, 12.0], more.pop("scheme", "implicit")),
         dt=2e-3,
         limits=rbi.Limits(60.0, 2000.0),
+        backend=more.pop("backend", "pinocchio"),
     )
 
     def on_tick(done: int, total: int) -> None:

@@ -76,15 +76,16 @@ def simulate_batch(
     after: float = 0.0,
     threads: int | None = None,
 ) -> BatchResult:
-    """Run many closed loops, each equal to `simulate(..., backend="compiled")` to rounding, over all cores.
+    """Run many closed loops, each equal to that of `simulate` to rounding, over all cores.
 
     Every argument up to `v0` is either the same for all worlds, or a list with one for each: plants, controllers,
     trajectories, environments; arrays with one row more for q0, v0 and constant wrenches. A controller, a trajectory
     or an environment that several worlds share is prepared once.
 
     Memory grows with the worlds times the samples kept, `duration`/(dt·`every`), of the channels asked for; the figures
-    of merit are sums that are kept up to date, from every tick. The worlds run without the interpreter's lock. What has
-    no compiled form is run in Python, one world after the other; the logger "rbimpedance" says so, once.
+    of merit are sums that are kept up to date, from every tick. A world is one compiled function, without the
+    interpreter's lock, whether its controller's `backend` is "compiled" or "pinocchio"; with "numpy" it is run in
+    Python, as is what has no compiled form, one world after the other; the logger "rbimpedance" says the latter, once.
 
     Args:
         controller: Controllers, all of the same period, for the same number of joints.

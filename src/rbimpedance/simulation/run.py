@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any, get_args
+import functools
+from collections.abc import Callable, Iterable
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import positive_number, vector
+from .._common.deprecation import warn_renamed
+from ..control.controller import ImpedanceController
 from ..control.protocol import Backend, Controller
 from ..exceptions import ParameterError
 from ..interaction import EnvironmentLike, Perfect, Sensor, as_interaction
@@ -16,13 +19,38 @@ from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory
 from .checkpoint import Checkpoint
 from .closed_loop import ClosedLoop, OnTick, run
-from .fused_run import run_fused
+from .compiled_runs import run_around_pinocchio, run_compiled
 from .plants import Plant
 from .plants.integrators import INTEGRATORS, Integrator
 from .result import SimulationResult
-from .rollout import run_compiled
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
+def _backend_of_the_controller(function: Callable[P, T]) -> Callable[P, T]:
+    """Let `simulate` take its former `backend`, which is the controller's now."""
+
+    @functools.wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> T:
+        given: dict[str, Any] = kwargs
+        backend: Any = given.pop("backend", None)
+        if backend is not None:
+            warn_renamed("backend= of simulate", "backend= of ImpedanceController")
+            parts: list[Any] = list(args)
+            controller = parts[0] if parts else given["controller"]
+            if isinstance(controller, ImpedanceController):
+                controller = controller.with_backend(backend)
+            if parts:
+                args = (controller, *parts[1:])  # type: ignore[assignment]
+            else:
+                given["controller"] = controller
+        return function(*args, **kwargs)
+
+    return call
+
+
+@_backend_of_the_controller
 def simulate(
     controller: Controller[Any],
     plant: ArmModel | Plant[Any],
@@ -35,7 +63,6 @@ def simulate(
     duration: float,
     substeps: int = 4,
     integrator: Integrator = "semi-implicit",
-    backend: Backend = "pinocchio",
     on_tick: OnTick | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> SimulationResult:
@@ -43,6 +70,12 @@ def simulate(
 
     At t = k·dt the controller sees the plant's state and the torque of the environment, and its torque is then held
     for one period, in which the plant takes `substeps` steps; the environment acts at every one of them.
+
+    The loop is computed as the `backend` of an `ImpedanceController` says, with results equal to rounding: "numpy" by
+    Python, the specification; "pinocchio" by compiled code around Pinocchio's algorithms; "compiled" by one compiled
+    function (docs/how-a-tick-runs.md). The compiled loops take every `Interaction` of the library and no sensor, and
+    sample trajectory and functions of time ahead, some thousand steps at once. What has no compiled form, and every
+    other controller, is run in Python; where "compiled" was asked for, the logger "rbimpedance" says so, once.
 
     Args:
         controller: Any object with `arm`, `dt`, `init`, `step` and `impedance_error`.
@@ -58,11 +91,6 @@ def simulate(
         duration: Length of the run [s], a multiple of the control period.
         substeps: Physics steps per control period, a positive whole number.
         integrator: "semi-implicit" (Euler, first order) or "rk4" (fourth order); other plants have their own.
-        backend: Who computes the loop: Python around the controller and Pinocchio; or "compiled" for all of it as one
-            compiled function, equal to rounding (docs/realtime.md), for an `ImpedanceController` with any backend,
-            every `Interaction` of the library, and no sensor. Trajectory and functions of time are then sampled ahead,
-            some thousand steps at once. What has no compiled form is run in Python; the logger "rbimpedance" says so,
-            once.
         on_tick: Called with (ticks done, ticks in all), for a progress bar: at every tick, or every few thousand
             physics steps of a compiled run.
         checkpoint: Where the run keeps what it has so far, and goes on from where one was killed.
@@ -72,13 +100,12 @@ def simulate(
 
     Raises:
         DivergenceError: A joint left every sensible range; carries time, joint and the result so far.
-        ParameterError: A duration that is no multiple of the period, a bad number of substeps, an unknown integrator or
-            backend, or a controller made for another number of joints.
+        ParameterError: A duration that is no multiple of the period, a bad number of substeps, an unknown integrator,
+            or a controller made for another number of joints.
         DimensionError: An input of wrong shape or kind.
         NonFiniteError: An input holds NaN or infinity.
         SnapshotError: The checkpoint is of another run, or damaged.
     """
-    check_choice("backend", backend, get_args(Backend))
     loop = closed_loop(
         controller,
         plant,
@@ -91,9 +118,17 @@ def simulate(
         substeps=substeps,
         integrator=integrator,
     )
-    run_fast = run_compiled if backend == "compiled" else run_fused
+    run_fast = {"numpy": run, "pinocchio": run_around_pinocchio, "compiled": run_compiled}[
+        _backend(loop)
+    ]
     result = run_fast(loop, on_tick, checkpoint)
     return run(loop, on_tick, checkpoint) if result is None else result
+
+
+def _backend(loop: ClosedLoop) -> Backend:
+    """Who computes a loop: the controller says it; Python does where that is no `ImpedanceController` itself."""
+    controller = loop.controller
+    return controller.backend if isinstance(controller, ImpedanceController) else "numpy"
 
 
 def closed_loop(

@@ -20,11 +20,11 @@ from .block import (
     U,
     Z,
 )
-from .kernels import DT, EFFORT, IMPLICIT, K2, SCHEME, TORQUE_STEP, Law, Scratch
+from .law import DT, EFFORT, IMPLICIT, K2, SCHEME, TORQUE_STEP, LawTables, Scratch
 
 
 @routine
-def within_limits(law: Law, scratch: Scratch, state: Array, block: Array) -> None:
+def within_limits(law: LawTables, scratch: Scratch, state: Array, block: Array) -> None:
     """Replace the torque by the closest within the limits and stop the integrals there; see `Limits.allocate`.
 
     Args:
@@ -49,7 +49,7 @@ def within_limits(law: Law, scratch: Scratch, state: Array, block: Array) -> Non
 
 
 @inline
-def bounds(law: Law, j: int, state: Array) -> tuple[float, float]:
+def bounds(law: LawTables, j: int, state: Array) -> tuple[float, float]:
     """Least and largest torque of joint j at this tick."""
     effort, step = law.gains[j, EFFORT], law.gains[j, TORQUE_STEP]
     if state[0, TICKS] == 0.0:
@@ -59,7 +59,7 @@ def bounds(law: Law, j: int, state: Array) -> tuple[float, float]:
 
 
 @inline
-def put_flags(law: Law, j: int, state: Array, block: Array, premise_holds: bool) -> None:
+def put_flags(law: LawTables, j: int, state: Array, block: Array, premise_holds: bool) -> None:
     """Write which limits joint j is at, and whether its reaching law acts in full; the other flags stay."""
     tau = block[j, TAU]
     lower, upper = bounds(law, j, state)
@@ -74,7 +74,7 @@ def put_flags(law: Law, j: int, state: Array, block: Array, premise_holds: bool)
 
 
 @inline
-def _allocate(law: Law, scratch: Scratch, state: Array, block: Array) -> None:
+def _allocate(law: LawTables, scratch: Scratch, state: Array, block: Array) -> None:
     """Torque within the limits, and the acceleration that it lacks."""
     wanted, acceleration_deficit, held, M = (
         scratch.wanted,

@@ -11,8 +11,8 @@ import numpy as np
 from numba import types
 
 from ..._common.arrays import Array
-from ..._numba.array_arguments import Borrowed
 from ..._numba.compile import kernel
+from ..._numba.layouts.arrays import Borrowed
 from ...exceptions import ModelError
 from ..arm_model import ArmModel
 from . import rigid_body
