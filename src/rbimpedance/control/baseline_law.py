@@ -40,7 +40,7 @@ class BaselineState(NamedTuple):
     v_e_before: Array
 
 
-class Answer(NamedTuple):
+class BaselineTorque(NamedTuple):
     """What a law makes of a tick: torque, sliding variable, acceleration added to a_r."""
 
     tau: Array
@@ -83,7 +83,7 @@ class Baseline(ABC):
         return None
 
     @abstractmethod
-    def _law(self, tick: Tracking) -> Answer:
+    def _law(self, tick: Tracking) -> BaselineTorque:
         """The control law."""
 
     def init(self) -> BaselineState:

@@ -21,8 +21,7 @@ from ...robot.compiled.kinematics import (
     turned_into_world,
     world_poses,
 )
-from ...robot.compiled.rows import get_pair, get_vector
-from ...robot.compiled.spatial import add, dot, scale
+from ...robot.compiled.spatial import add, dot, get_pair, get_vector, scale
 from ...robot.compiled.tables import ArmTables, Workspace, axes_with_z_along
 
 # Columns of `Environment.contacts`.
