@@ -110,3 +110,25 @@ def test_old_arguments_are_taken(controller: rbi.ImpedanceController) -> None:
         bounded = rbi.BoundedSurface(c.surface, error=0.4)  # type: ignore[call-arg]
     with pytest.warns(DeprecationWarning, match="error is now"):
         assert bounded.error == 0.4
+
+
+def test_what_pushes_on_the_plant_is_now_the_environment(
+    controller: rbi.ImpedanceController,
+) -> None:
+    arm, push = controller.arm, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    given: Any = controller, arm, rbi.trajectories.hold(arm)
+    old: dict[str, Any] = {"wrench": push}
+    with pytest.warns(DeprecationWarning, match="wrench= is now environment="):
+        run = rbi.simulate(*given, duration=0.01, **old)
+    assert np.array_equal(run.tau, rbi.simulate(*given, environment=push, duration=0.01).tau)
+    with pytest.warns(DeprecationWarning, match="wrench= is now environment="):
+        rbi.simulate_batch(*given, duration=0.01, **old)
+    with pytest.warns(DeprecationWarning, match="wrench= is now environment="):
+        run.animate(robot=arm, **old)
+    with pytest.warns(DeprecationWarning, match="wrench= is now environment="):
+        experiment = rbi.Experiment(plant=arm, trajectory=given[2], **old)
+    with pytest.warns(DeprecationWarning, match=r"wrench is now .*environment"):
+        assert experiment.wrench is push
+    scenario = rbi.scenarios.paper()
+    with pytest.warns(DeprecationWarning, match=r"wrench is now .*environment"):
+        assert scenario.wrench is scenario.environment

@@ -96,7 +96,7 @@ def _single(ticks: int) -> Any:
     arm = panda()
     controller, plant = build(arm), arm.with_payload(1.5)
     motions = {"cosine": cosine(arm, amplitude=0.3, period=4.0), "hold": hold(arm)}
-    wrenches = {"free": None, "wrench": [1.0, 2.0, 3.0, 0.0, 0.0, 0.0]}
+    wrenches = {"free": None, "environment": [1.0, 2.0, 3.0, 0.0, 0.0, 0.0]}
     backends: tuple[Literal["pinocchio", "compiled"], ...] = ("pinocchio", "compiled")
     for backend in backends:
         for motion, trajectory in motions.items():
@@ -104,7 +104,7 @@ def _single(ticks: int) -> Any:
                 made = controller.with_backend(backend)
 
                 def run(c: Any = made, t: Any = trajectory, w: Any = wrench) -> None:
-                    rbi.simulate(c, plant, t, wrench=w, duration=1e-3 * ticks, substeps=1)
+                    rbi.simulate(c, plant, t, environment=w, duration=1e-3 * ticks, substeps=1)
 
                 run()
                 unit, mine = base(arm), cost(run, 7)
@@ -148,7 +148,7 @@ def _agreement(name: str) -> float:
     arm = panda() if name == "panda" else rbi.load_robot(name)
     plant = arm.with_payload(0.5).with_friction(0.2, 0.3)
     controller, *given = build(arm), plant, cosine(arm, amplitude=0.3, period=2.0)
-    settings: Any = {"wrench": [1.0, -2.0, 3.0, 0.1, 0.0, 0.2], "duration": 5.0, "substeps": 2}
+    settings: Any = {"environment": [1.0, -2.0, 3.0, 0.1, 0.0, 0.2], "duration": 5.0, "substeps": 2}
     mine = rbi.simulate(controller.with_backend("compiled"), *given, **settings)
     truth = rbi.simulate(controller.with_backend("numpy"), *given, **settings)
     return max(

@@ -105,7 +105,7 @@ def test_closed_loops_are_those_of_the_numpy_form(name: str, limited: bool) -> N
             form,
             arm.with_payload(0.5),
             rbi.trajectories.cosine(arm, amplitude=0.1, period=1.0),
-            wrench=[5.0, 0.0, -5.0, 0.0, 0.0, 0.0],
+            environment=[5.0, 0.0, -5.0, 0.0, 0.0, 0.0],
             duration=0.5,
             substeps=1,
         )

@@ -49,7 +49,7 @@ def run() -> rbi.SimulationResult:
         dt=0.01,
     )
     return rbi.simulate(
-        controller, arm.with_payload(0.3), hold(arm), wrench=np.ones(6), duration=0.2
+        controller, arm.with_payload(0.3), hold(arm), environment=np.ones(6), duration=0.2
     )
 
 

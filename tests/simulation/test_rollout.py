@@ -82,7 +82,7 @@ def test_fast_run_is_the_readable_run(
     plant = arm.with_payload(0.5).with_friction(0.2, 0.3)
     motion = cosine(arm, amplitude=0.3, period=rng.uniform(1.0, 2.0, arm.nv))
     given = build(arm), plant, motion
-    settings: Any = {"wrench": lambda t: [np.sin(9.0 * t), 1.0, -2.0, 0.1, 0.0, 0.2]}
+    settings: Any = {"environment": lambda t: [np.sin(9.0 * t), 1.0, -2.0, 0.1, 0.0, 0.2]}
     settings |= {"duration": 0.2, "substeps": 2, "v0": rng.normal(size=arm.nv) / 10.0}
     run = simulate(*given, **settings, backend=backend)
     assert_same(run, readable(*given, **settings), 1e-10)
@@ -127,7 +127,7 @@ def test_environment_pushes_as_in_the_readable_run(
     """A continuous, a sliding and an oblique joint."""
     arm = arms.spinner()
     given = build(arm), arm.with_payload(0.3), cosine(arm, amplitude=0.2, period=0.3)
-    settings: Any = {"wrench": environment(name, arm), "duration": 0.15, "substeps": 3}
+    settings: Any = {"environment": environment(name, arm), "duration": 0.15, "substeps": 3}
     settings |= {"integrator": integrator}
     run = simulate(*given, **settings, backend=backend)
     assert_same(run, readable(*given, **settings), 1e-10)
@@ -169,7 +169,11 @@ def held_back_by(law: dict[str, Any]) -> set[str]:
 def test_every_law_runs_as_in_the_readable_form(law: dict[str, Any], backend: Any) -> None:
     arm = arms.spinner()
     given = build(arm, **law), arm.with_payload(0.3), hold(arm, [0.0, 1.0, 0.4, 0.3])
-    settings: Any = {"wrench": [3.0, -2.0, 1.0, 0.1, 0.2, -0.3], "duration": 0.1, "substeps": 1}
+    settings: Any = {
+        "environment": [3.0, -2.0, 1.0, 0.1, 0.2, -0.3],
+        "duration": 0.1,
+        "substeps": 1,
+    }
     run = simulate(*given, **settings, backend=backend)
     assert_same(run, readable(*given, **settings), 1e-10)
     assert {name for name in FLAGS if getattr(run, name).any()} == held_back_by(law)
@@ -190,7 +194,7 @@ def test_run_does_not_depend_on_where_its_blocks_end(monkeypatch: pytest.MonkeyP
 
     arm = arms.spinner()
     given = build(arm), arm.with_payload(0.3), cosine(arm, amplitude=0.2, period=0.3)
-    settings: Any = {"wrench": lambda t: np.full(6, t), "duration": 0.1, "substeps": 2}
+    settings: Any = {"environment": lambda t: np.full(6, t), "duration": 0.1, "substeps": 2}
     whole = simulate(*given, **settings, backend="compiled")
     told: list[tuple[int, int]] = []
     monkeypatch.setattr(world, "STEPS_AT_ONCE", 14)
@@ -252,7 +256,7 @@ def test_a_bad_wrench_is_refused(value: Any) -> None:
     wrench = rbi.FrameWrench(lambda t: np.ones(6) if t < 0.005 else value)
     for backend in ("pinocchio", "compiled"):
         with pytest.raises(rbi.InputError, match="wrench"):
-            simulate(build(arm), arm, hold(arm), wrench=wrench, duration=0.01, backend=backend)
+            simulate(build(arm), arm, hold(arm), environment=wrench, duration=0.01, backend=backend)
 
 
 def test_an_unknown_frame_and_an_unknown_backend_are_refused() -> None:
@@ -260,7 +264,10 @@ def test_an_unknown_frame_and_an_unknown_backend_are_refused() -> None:
     given: Any = build(arm), arm, hold(arm)
     with pytest.raises(rbi.ModelError, match="no frame 'hook'"):
         simulate(
-            *given, wrench=rbi.FrameWrench(np.ones(6), "hook"), duration=0.01, backend="compiled"
+            *given,
+            environment=rbi.FrameWrench(np.ones(6), "hook"),
+            duration=0.01,
+            backend="compiled",
         )
     with pytest.raises(rbi.ParameterError, match="backend"):
         simulate(*given, duration=0.01, backend="c")
@@ -274,7 +281,7 @@ def test_divergence_carries_the_same_as_in_the_readable_run(backend: Any) -> Non
     """A pull that grows without end."""
     arm = arms.spinner()
     given = build(arm, limits=20.0), arm, hold(arm)
-    settings: Any = {"wrench": rbi.JointTorque(lambda t: [0.0, 1e9 * (t > 0.05), 0.0])}
+    settings: Any = {"environment": rbi.JointTorque(lambda t: [0.0, 1e9 * (t > 0.05), 0.0])}
     errors = []
     for run in (readable, partial(simulate, backend=backend)):
         with pytest.raises(rbi.DivergenceError) as caught:
@@ -300,8 +307,8 @@ class Mine:
 
 
 LEFT: dict[str, tuple[Any, dict[str, Any], str]] = {
-    "interaction": ({}, {"wrench": Mine()}, "Mine"),
-    "inner interaction": ({}, {"wrench": rbi.Sum(Mine())}, "Sum"),
+    "interaction": ({}, {"environment": Mine()}, "Mine"),
+    "inner interaction": ({}, {"environment": rbi.Sum(Mine())}, "Sum"),
     "sensor": ({}, {"sensor": interaction.Delay(2)}, "Delay"),
     "target": ({"impedance": rbi.FiniteTimeImpedance(1.5, 10.0, 20.0, 0.7)}, {}, "FiniteTime"),
 }

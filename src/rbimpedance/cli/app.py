@@ -236,7 +236,7 @@ def run(
         controller=controller,
         plant=arm.with_payload(payload) if payload else arm,
         trajectory=cosine(arm, amplitude=amplitude, period=period),
-        wrench=FrameWrench(np.concatenate([force, np.zeros(3)])),
+        environment=FrameWrench(np.concatenate([force, np.zeros(3)])),
         q0=arm.neutral,
         duration=duration,
         substeps=substeps,
@@ -254,7 +254,7 @@ def run(
     )
     law = f"gains of {gains}" if gains is not None else f"{surface} surface, {scheme} scheme"
     if html is not None:
-        files.append(result.save_html(html, wrench=scenario.wrench))
+        files.append(result.save_html(html, environment=scenario.environment))
     title = f"{arm.name}, payload {payload:g} kg, {law}, dt = {controller.dt:g} s"
     if as_json:
         said = {"title": title, "joints": result.joint_names, "metrics": result_figures(result)}

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, BoolArray
+from .._common.deprecation import renamed_arguments
 from ..control.protocol import Controller
 from ..exceptions import DimensionError, ParameterError
 from ..interaction import EnvironmentLike
@@ -59,12 +60,13 @@ class BatchResult:
         return self.channels[channel]
 
 
+@renamed_arguments(wrench="environment")
 def simulate_batch(
     controller: Controller[Any] | Sequence[Controller[Any]],
     plant: ArmModel | Plant[Any] | Sequence[ArmModel | Plant[Any]],
     trajectory: Trajectory | Sequence[Trajectory],
     *,
-    wrench: EnvironmentLike | Sequence[Any] | None = None,
+    environment: EnvironmentLike | Sequence[Any] | None = None,
     q0: ArrayLike | None = None,
     v0: ArrayLike | None = None,
     duration: float,
@@ -91,7 +93,7 @@ def simulate_batch(
         controller: Controllers, all of the same period, for the same number of joints.
         plant: Arms that are simulated.
         trajectory: Desired motions.
-        wrench: Environments; each as in `simulate`.
+        environment: Environments; each as in `simulate`.
         q0: Initial configurations, shape (nq,) or (N, nq); each plant's `neutral` by default.
         v0: Initial velocities, shape (nv,) or (N, nv); at rest by default.
         duration: Length of the runs [s].
@@ -122,7 +124,7 @@ def simulate_batch(
         controller=_many(controller),
         plant=_many(plant),
         trajectory=_many(trajectory),
-        wrench=_many(wrench, _is_one_wrench),
+        environment=_many(environment, _is_one_wrench),
         q0=_many(q0, _is_one_vector),
         v0=_many(v0, _is_one_vector),
     )

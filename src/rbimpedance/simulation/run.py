@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import positive_number, vector
-from .._common.deprecation import warn_renamed
+from .._common.deprecation import renamed_arguments, warn_renamed
 from ..control.controller import ImpedanceController
 from ..control.protocol import Backend, Controller
 from ..exceptions import ParameterError
@@ -50,13 +50,14 @@ def _backend_of_the_controller(function: Callable[P, T]) -> Callable[P, T]:
     return call
 
 
+@renamed_arguments(wrench="environment")
 @_backend_of_the_controller
 def simulate(
     controller: Controller[Any],
     plant: ArmModel | Plant[Any],
     trajectory: Trajectory,
     *,
-    wrench: EnvironmentLike | None = None,
+    environment: EnvironmentLike | None = None,
     sensor: Sensor[Any] | None = None,
     q0: ArrayLike | None = None,
     v0: ArrayLike | None = None,
@@ -82,7 +83,7 @@ def simulate(
         plant: The arm that is simulated; give it what the controller does not know. It is copied: controller and
             plant never share a model. Rigid links by Pinocchio's ABA; or another `Plant`, run in Python.
         trajectory: Desired motion as a function of time.
-        wrench: Environment: None, an `Interaction` (`FrameWrench`, `JointTorque`, ...), or a wrench (6,) at the tool
+        environment: None, an `Interaction` (`FrameWrench`, `JointTorque`, ...), or a wrench (6,) at the tool
             frame in world axes, constant or as a function of time.
         sensor: What tells the controller the environment's torque: late, filtered, or estimated without a force sensor.
             The truth by default. The result logs the truth; `replay_sensor` gives what was told.
@@ -110,7 +111,7 @@ def simulate(
         controller,
         plant,
         trajectory,
-        wrench=wrench,
+        environment=environment,
         sensor=sensor,
         q0=q0,
         v0=v0,
@@ -136,7 +137,7 @@ def closed_loop(
     plant: ArmModel | Plant[Any],
     trajectory: Trajectory,
     *,
-    wrench: EnvironmentLike | None = None,
+    environment: EnvironmentLike | None = None,
     sensor: Sensor[Any] | None = None,
     q0: ArrayLike | None = None,
     v0: ArrayLike | None = None,
@@ -158,7 +159,7 @@ def closed_loop(
         plant=arm,
         engine=engine,
         trajectory=trajectory,
-        environment=as_interaction(wrench),
+        environment=as_interaction(environment),
         sensor=Perfect() if sensor is None else sensor,
         q=np.array(q),
         v=np.zeros(arm.nv) if v0 is None else vector("v0", v0, arm.nv).copy(),
