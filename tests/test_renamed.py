@@ -123,8 +123,11 @@ def test_what_pushes_on_the_plant_is_now_the_environment(
     assert np.array_equal(run.tau, rbi.simulate(*given, environment=push, duration=0.01).tau)
     with pytest.warns(DeprecationWarning, match="wrench= is now environment="):
         rbi.simulate_batch(*given, duration=0.01, **old)
-    with pytest.warns(DeprecationWarning, match="wrench= is now environment="):
-        run.animate(robot=arm, **old)
+    with (
+        pytest.warns(DeprecationWarning, match="wrench= is now environment="),
+        pytest.raises(rbi.ParameterError, match="fps"),
+    ):
+        run.animate(robot=arm, fps=0.0, **old)
     with pytest.warns(DeprecationWarning, match="wrench= is now environment="):
         experiment = rbi.Experiment(plant=arm, trajectory=given[2], **old)
     with pytest.warns(DeprecationWarning, match=r"wrench is now .*environment"):

@@ -10,7 +10,7 @@ from numba import types
 from ..._common.arrays import Array
 from ..compile import kernel
 from .arrays import Borrowed
-from .objects import OBJECTS, BlockIn, PairOut, VectorsIn, returner
+from .objects import OBJECTS, BlockArgument, PairResult, VectorsArgument, returner
 from .tables import Held, hold, opened
 
 
@@ -31,7 +31,7 @@ class _Tables(NamedTuple):
 
 _OWN = Borrowed(types.float64, 1, trusted=True)
 _TABLE = Borrowed(types.float64, 2, trusted=True)
-_PAIR = PairOut(_Packed, _Packed)
+_PAIR = PairResult(_Packed, _Packed)
 _returned = returner(_PAIR)
 
 
@@ -43,7 +43,7 @@ def check_layouts() -> None:
     """
     vector = Borrowed(types.float64, 1, readonly=True)
     tables = Held(types.NamedTuple((_OWN, _TABLE), _Tables))
-    arguments = tables, vector, BlockIn(_Packed, 2), VectorsIn(_Vectors, vector)
+    arguments = tables, vector, BlockArgument(_Packed, 2), VectorsArgument(_Vectors, vector)
     probe = kernel(_probe, arguments, _PAIR)
     given, seen, packed = np.array([3.0, 5.0, 7.0]), np.zeros(8), _Packed()
     packed.block = np.array([1.0, 2.0, 8.0, 9.0]).tobytes()

@@ -38,7 +38,7 @@ _ITEMSIZE = 8
 _BLOCK = symbol_of(bytes)
 
 
-class BlockIn(Borrowed):
+class BlockArgument(Borrowed):
     """Type of a block of numbers: in the one slot of an object, or an array of the caller's, which may be overwritten.
 
     Args:
@@ -52,11 +52,11 @@ class BlockIn(Borrowed):
         self.name = f"block({self.packed}, {columns})"
 
 
-register_model(BlockIn)(BorrowedModel)
+register_model(BlockArgument)(BorrowedModel)
 
 
-@unbox(BlockIn)  # type: ignore[untyped-decorator]
-def _unbox_block(kind: BlockIn, obj: Any, c: Any) -> NativeValue:
+@unbox(BlockArgument)  # type: ignore[untyped-decorator]
+def _unbox_block(kind: BlockArgument, obj: Any, c: Any) -> NativeValue:
     builder = c.builder
     native = c.context.make_array(kind)(c.context, builder)
     fails = cgutils.alloca_once_value(builder, cgutils.true_bit)
@@ -86,7 +86,7 @@ def _is_bytes(obj: Any, builder: Any) -> Any:
     return builder.load(verdict)
 
 
-class VectorsIn(types.UniTuple):  # type: ignore[misc]
+class VectorsArgument(types.UniTuple):  # type: ignore[misc]
     """Type of a named tuple of plain vectors.
 
     Args:
@@ -104,19 +104,19 @@ class VectorsIn(types.UniTuple):  # type: ignore[misc]
         """What tells two of these types apart."""
         return str(self.name)
 
-    def __unliteral__(self) -> VectorsIn:
+    def __unliteral__(self) -> VectorsArgument:
         return self
 
 
-register_model(VectorsIn)(models.UniTupleModel)
+register_model(VectorsArgument)(models.UniTupleModel)
 
 
-def _layout(kind: VectorsIn) -> Any:
+def _layout(kind: VectorsArgument) -> Any:
     return ir.LiteralStructType([*HEAD, SIZE, _MORE_HEAD, ir.ArrayType(POINTER, kind.count)])
 
 
-@unbox(VectorsIn)  # type: ignore[untyped-decorator]
-def _unbox_vectors(kind: VectorsIn, obj: Any, c: Any) -> NativeValue:
+@unbox(VectorsArgument)  # type: ignore[untyped-decorator]
+def _unbox_vectors(kind: VectorsArgument, obj: Any, c: Any) -> NativeValue:
     builder = c.builder
     value = cgutils.alloca_once(builder, c.context.get_value_type(kind))
     fails = cgutils.alloca_once_value(builder, cgutils.true_bit)
@@ -135,7 +135,7 @@ def _unbox_vectors(kind: VectorsIn, obj: Any, c: Any) -> NativeValue:
     return NativeValue(builder.load(value), is_error=builder.load(fails))
 
 
-def _is_named_tuple(kind: VectorsIn, obj: Any, builder: Any) -> Any:
+def _is_named_tuple(kind: VectorsArgument, obj: Any, builder: Any) -> Any:
     verdict = cgutils.alloca_once_value(builder, cgutils.false_bit)
     with builder.if_then(is_instance(obj, kind.named_tuple, builder), likely=True):
         size = field(builder, builder.bitcast(obj, _layout(kind).as_pointer()), 2)
@@ -143,7 +143,7 @@ def _is_named_tuple(kind: VectorsIn, obj: Any, builder: Any) -> Any:
     return builder.load(verdict)
 
 
-class PairOut(types.Type):  # type: ignore[misc]
+class PairResult(types.Type):  # type: ignore[misc]
     """Type of what a kernel returns by `returned`: two objects around one block of numbers; True; or None.
 
     Args:
@@ -160,14 +160,14 @@ NOTHING, DONE, OBJECTS = 0, 1, 2
 """What to return: None, True, or the two objects."""
 
 
-@register_model(PairOut)
+@register_model(PairResult)
 class _PairModel(models.StructModel):  # type: ignore[misc]
-    def __init__(self, manager: Any, kind: PairOut) -> None:
+    def __init__(self, manager: Any, kind: PairResult) -> None:
         members = [("which", types.int64), ("data", types.voidptr), ("size", types.int64)]
         super().__init__(manager, kind, members)
 
 
-def returner(kind: PairOut) -> Any:
+def returner(kind: PairResult) -> Any:
     """Return the function with which a kernel returns one of the constants above, and the block for the objects."""
 
     @intrinsic  # type: ignore[untyped-decorator]
@@ -187,8 +187,8 @@ def returner(kind: PairOut) -> Any:
     return returned
 
 
-@box(PairOut)  # type: ignore[untyped-decorator]
-def _box(kind: PairOut, value: Any, c: Any) -> Any:
+@box(PairResult)  # type: ignore[untyped-decorator]
+def _box(kind: PairResult, value: Any, c: Any) -> Any:
     builder, api = c.builder, c.pyapi
     native = cgutils.create_struct_proxy(kind)(c.context, builder, value)
     is_nothing = builder.icmp_signed("==", native.which, SIZE(NOTHING))
@@ -204,7 +204,7 @@ def _box(kind: PairOut, value: Any, c: Any) -> Any:
     return builder.load(result)
 
 
-def _pair(kind: PairOut, block: Any, c: Any) -> Any:
+def _pair(kind: PairResult, block: Any, c: Any) -> Any:
     """Emit the making of the two objects around a block, in a tuple; null where memory is out."""
     builder, api = c.builder, c.pyapi
     made = [block, *(_new(symbol, c) for symbol in kind.classes), api.tuple_new(2)]

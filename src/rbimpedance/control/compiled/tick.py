@@ -10,7 +10,15 @@ from numba import types
 
 from ..._common.arrays import Array
 from ..._numba.compile import inline, kernel, routine
-from ..._numba.layouts.objects import DONE, NOTHING, OBJECTS, BlockIn, PairOut, VectorsIn, returner
+from ..._numba.layouts.objects import (
+    DONE,
+    NOTHING,
+    OBJECTS,
+    BlockArgument,
+    PairResult,
+    VectorsArgument,
+    returner,
+)
 from ..._numba.layouts.tables import Held, opened
 from ...robot.compiled import rigid_body
 from ...robot.compiled.dynamics import ARM, OWN_INTEGERS, OWN_MATRIX, OWN_VECTOR, SPACE, VECTOR_IN
@@ -236,8 +244,8 @@ LAW = types.NamedTuple((OWN_MATRIX, OWN_MATRIX, OWN_INTEGERS), LawTables)
 SCRATCH = types.NamedTuple((*[OWN_VECTOR] * 6, *[OWN_MATRIX] * 3, OWN_VECTOR), Scratch)
 _FIXED, _WORK = Held(types.NamedTuple((ARM, LAW), LawWords)), Held(SCRATCH)
 _OWN = Held(types.NamedTuple((ARM, LAW, SPACE, SCRATCH, OWN_VECTOR), TickWords))
-_STATE, _RESULT = BlockIn(PackedState, COLUMNS), PairOut(PackedOutput, PackedState)
-_GIVEN = (VECTOR_IN, VECTOR_IN, VectorsIn(Reference, VECTOR_IN), VECTOR_IN)
+_STATE, _RESULT = BlockArgument(PackedState, COLUMNS), PairResult(PackedOutput, PackedState)
+_GIVEN = (VECTOR_IN, VECTOR_IN, VectorsArgument(Reference, VECTOR_IN), VECTOR_IN)
 _returned = returner(_RESULT)
 
 
