@@ -147,7 +147,7 @@ def _agreement(name: str) -> float:
     """Largest difference of the compiled run to the readable one over 5 s, relative to each channel's largest entry."""
     arm = panda() if name == "panda" else rbi.load_robot(name)
     plant = arm.with_payload(0.5).with_friction(0.2, 0.3)
-    controller, *given = build(arm), plant, cosine(arm, amplitude=0.3, period=2.0)
+    controller, given = build(arm), (plant, cosine(arm, amplitude=0.3, period=2.0))
     settings: Any = {"environment": [1.0, -2.0, 3.0, 0.1, 0.0, 0.2], "duration": 5.0, "substeps": 2}
     mine = rbi.simulate(controller.with_backend("compiled"), *given, **settings)
     truth = rbi.simulate(controller.with_backend("numpy"), *given, **settings)

@@ -107,30 +107,42 @@ def _allocate(law: LawTables, scratch: Scratch, state: Array, block: Array) -> N
 @inline
 def _solve_held(scratch: Scratch, block: Array) -> None:
     """Solve M_SS·deficit_S = (wanted - tau)_S over the held joints S by Cholesky; elsewhere the deficit stays zero."""
-    wanted, acceleration_deficit, held = scratch.wanted, scratch.acceleration_deficit, scratch.held
-    M, L, n = scratch.mass, scratch.factor, len(scratch.wanted)
-    for i in range(n):
-        if held[i] == 0.0:
+    wanted, deficit, held = scratch.wanted, scratch.acceleration_deficit, scratch.held
+    for i in range(len(held)):
+        if held[i] != 0.0:
+            deficit[i] = _eliminated(scratch, i, wanted[i] - block[i, TAU])
+    for i in range(len(held) - 1, -1, -1):
+        if held[i] != 0.0:
+            deficit[i] = _substituted(scratch, i)
+
+
+@inline
+def _eliminated(scratch: Scratch, i: int, total: float) -> float:
+    """Write row i of the factor; entry i of the solution of L·y = wanted - tau."""
+    deficit, held, M, L = scratch.acceleration_deficit, scratch.held, scratch.mass, scratch.factor
+    for j in range(i + 1):
+        if held[j] == 0.0:
             continue
-        total = wanted[i] - block[i, TAU]
-        for j in range(i + 1):
-            if held[j] == 0.0:
-                continue
-            entry = M[i, j]
-            for k in range(j):
-                if held[k] != 0.0:
-                    entry -= L[i, k] * L[j, k]
-            if j < i:
-                L[i, j] = entry / L[j, j]
-                total -= L[i, j] * acceleration_deficit[j]
-            else:
-                L[i, i] = math.sqrt(entry)
-        acceleration_deficit[i] = total / L[i, i]
-    for i in range(n - 1, -1, -1):
-        if held[i] == 0.0:
-            continue
-        total = acceleration_deficit[i]
-        for k in range(i + 1, n):
+        entry = M[i, j]
+        for k in range(j):
             if held[k] != 0.0:
-                total -= L[k, i] * acceleration_deficit[k]
-        acceleration_deficit[i] = total / L[i, i]
+                entry -= L[i, k] * L[j, k]
+        if j < i:
+            L[i, j] = entry / L[j, j]
+            total -= L[i, j] * deficit[j]
+        else:
+            L[i, i] = math.sqrt(entry)
+    y: float = total / L[i, i]
+    return y
+
+
+@inline
+def _substituted(scratch: Scratch, i: int) -> float:
+    """Entry i of the solution of Lᵀ·deficit = y."""
+    deficit, held, L = scratch.acceleration_deficit, scratch.held, scratch.factor
+    total = deficit[i]
+    for k in range(i + 1, len(held)):
+        if held[k] != 0.0:
+            total -= L[k, i] * deficit[k]
+    entry: float = total / L[i, i]
+    return entry
