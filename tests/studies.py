@@ -62,7 +62,7 @@ def push(task: rbi.study.Task, rng: np.random.Generator) -> rbi.study.Experiment
     return rbi.study.Experiment(
         plant=task.arm,
         trajectory=rbi.trajectories.hold(task.arm),
-        wrench=[force, 0.0, 0.0, 0.0, 0.0, 0.0],
+        environment=[force, 0.0, 0.0, 0.0, 0.0, 0.0],
         inputs={"force": force},
     )
 

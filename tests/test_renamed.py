@@ -75,6 +75,21 @@ def test_old_flag_of_the_output_warns(
         assert (getattr(output, old) == getattr(output, new)).all()
 
 
+def test_backend_of_a_run_is_now_that_of_its_controller(
+    controller: rbi.ImpedanceController,
+) -> None:
+    given: Any = controller.arm, rbi.trajectories.hold(controller.arm)
+    old: dict[str, Any] = {"duration": 0.01, "backend": "numpy"}
+    expected = rbi.simulate(controller.with_backend("numpy"), *given, duration=0.01)
+    with pytest.warns(DeprecationWarning, match="backend= of simulate is now backend= of Imp"):
+        by_position = rbi.simulate(controller, *given, **old)
+    with pytest.warns(DeprecationWarning, match="backend= of simulate is now backend= of Imp"):
+        by_name = rbi.simulate(controller=controller, plant=given[0], trajectory=given[1], **old)
+    for result in (by_position, by_name):
+        assert result.provenance["controller"]["backend"] == "numpy"
+        assert np.array_equal(result.tau, expected.tau)
+
+
 def test_old_arguments_are_taken(controller: rbi.ImpedanceController) -> None:
     c: Any = controller
     with pytest.warns(DeprecationWarning, match="is now") as said:
@@ -95,3 +110,28 @@ def test_old_arguments_are_taken(controller: rbi.ImpedanceController) -> None:
         bounded = rbi.BoundedSurface(c.surface, error=0.4)  # type: ignore[call-arg]
     with pytest.warns(DeprecationWarning, match="error is now"):
         assert bounded.error == 0.4
+
+
+def test_what_pushes_on_the_plant_is_now_the_environment(
+    controller: rbi.ImpedanceController,
+) -> None:
+    arm, push = controller.arm, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    given: Any = controller, arm, rbi.trajectories.hold(arm)
+    old: dict[str, Any] = {"wrench": push}
+    with pytest.warns(DeprecationWarning, match="wrench= is now environment="):
+        run = rbi.simulate(*given, duration=0.01, **old)
+    assert np.array_equal(run.tau, rbi.simulate(*given, environment=push, duration=0.01).tau)
+    with pytest.warns(DeprecationWarning, match="wrench= is now environment="):
+        rbi.simulate_batch(*given, duration=0.01, **old)
+    with (
+        pytest.warns(DeprecationWarning, match="wrench= is now environment="),
+        pytest.raises(rbi.ParameterError, match="fps"),
+    ):
+        run.animate(robot=arm, fps=0.0, **old)
+    with pytest.warns(DeprecationWarning, match="wrench= is now environment="):
+        experiment = rbi.study.Experiment(plant=arm, trajectory=given[2], **old)
+    with pytest.warns(DeprecationWarning, match=r"wrench is now .*environment"):
+        assert experiment.wrench is push
+    scenario = rbi.scenarios.paper()
+    with pytest.warns(DeprecationWarning, match=r"wrench is now .*environment"):
+        assert scenario.wrench is scenario.environment

@@ -64,14 +64,16 @@ def panda() -> None:
     )
     ours = proposal.controller(target)
     model, limits = ours.arm, arm.effort_limit
-    push = rbi.Push([0, 20, 0, 0, 0, 0], start=PUSHED[0], duration=PUSHED[1] - PUSHED[0])
+    push = rbi.interaction.Push(
+        [0, 20, 0, 0, 0, 0], start=PUSHED[0], duration=PUSHED[1] - PUSHED[0]
+    )
 
     def run(controller: Controller[Any], offset: float = START) -> rbi.SimulationResult:
         return rbi.simulate(
             ImperfectController(controller, **SENSORS),
             arm.with_payload(2.0),
             motion,
-            wrench=push,
+            environment=push,
             q0=motion(0.0).q - offset,
             duration=DURATION,
         )

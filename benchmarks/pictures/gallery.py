@@ -84,8 +84,10 @@ def push(page: Path) -> Path:
     q0 = [0.0, -0.6, 0.0, -2.2, 0.0, 1.7, 0.8]
     hold = rbi.trajectories.hold(arm, q0)
     hand = rbi.interaction.Push([0, 20, 0, 0, 0, 4], start=0.5, duration=1.0)
-    result = rbi.simulate(controller, arm.with_payload(1.5), hold, wrench=hand, q0=q0, duration=3.0)
-    return result.animate(wrench=hand).save_html(page)
+    result = rbi.simulate(
+        controller, arm.with_payload(1.5), hold, environment=hand, q0=q0, duration=3.0
+    )
+    return result.animate(environment=hand).save_html(page)
 
 
 def contact_sheet(paths: list[Path]) -> Figure:

@@ -185,7 +185,9 @@ def run(proposal: Any, plant: Any, duration: float) -> rbi.SimulationResult:
     """The controller of a proposal, pushed."""
     push = rbi.interaction.Push([0.0, 10.0, 5.0, 0.0, 0.0, 0.0], 0.3 * duration, 0.2 * duration)
     trajectory = proposal.trajectory
-    return rbi.simulate(proposal.controller(), plant, trajectory, wrench=push, duration=duration)
+    return rbi.simulate(
+        proposal.controller(), plant, trajectory, environment=push, duration=duration
+    )
 
 
 def control(name: str, case: str, duration: float) -> dict[str, Any]:
@@ -271,7 +273,7 @@ def touch(place: str, surface: str, mass: str, stiffness: float) -> dict[str, An
         pushed.law(arm, impedance, reaching),
         plant,
         trajectory,
-        wrench=wall if surface == "wall" else None,
+        environment=wall if surface == "wall" else None,
         q0=trajectory(0.0).q,
         v0=trajectory(0.0).v,
         duration=4.0,

@@ -67,8 +67,11 @@ def runs() -> Iterator[tuple[str, rbi.SimulationResult]]:
                 backend=backend,
             )
             wrench = rbi.FrameWrench([3.0, -2.0, 1.0, 0.1, 0.2, -0.3])
-            start: Any = {"q0": motion(0.0).q, "backend": backend, "duration": 0.5}
-            yield f"{name}, {backend}", rbi.simulate(made, plant, motion, wrench=wrench, **start)
+            start: Any = {"q0": motion(0.0).q, "duration": 0.5}
+            yield (
+                f"{name}, {backend}",
+                rbi.simulate(made, plant, motion, environment=wrench, **start),
+            )
 
 
 def spring(task: Task) -> Any:

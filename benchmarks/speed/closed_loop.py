@@ -20,15 +20,13 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 import rbimpedance as rbi
 from benchmarks import arms
-from rbimpedance.simulation import closed_loop
-from rbimpedance.simulation import simulate as single
 from rbimpedance.trajectories import cosine, hold
 
 CHANNELS = ("q", "v", "q_r", "e1", "e2", "e_im", "s", "tau", "tau_ext")
@@ -98,15 +96,15 @@ def _single(ticks: int) -> Any:
     arm = panda()
     controller, plant = build(arm), arm.with_payload(1.5)
     motions = {"cosine": cosine(arm, amplitude=0.3, period=4.0), "hold": hold(arm)}
-    wrenches = {"free": None, "wrench": [1.0, 2.0, 3.0, 0.0, 0.0, 0.0]}
-    for backend in ("pinocchio", "compiled"):
+    wrenches = {"free": None, "environment": [1.0, 2.0, 3.0, 0.0, 0.0, 0.0]}
+    backends: tuple[Literal["pinocchio", "compiled"], ...] = ("pinocchio", "compiled")
+    for backend in backends:
         for motion, trajectory in motions.items():
             for name, wrench in wrenches.items():
+                made = controller.with_backend(backend)
 
-                def run(b: Any = backend, t: Any = trajectory, w: Any = wrench) -> None:
-                    rbi.simulate(
-                        controller, plant, t, wrench=w, duration=1e-3 * ticks, substeps=1, backend=b
-                    )
+                def run(c: Any = made, t: Any = trajectory, w: Any = wrench) -> None:
+                    rbi.simulate(c, plant, t, environment=w, duration=1e-3 * ticks, substeps=1)
 
                 run()
                 unit, mine = base(arm), cost(run, 7)
@@ -149,10 +147,10 @@ def _agreement(name: str) -> float:
     """Largest difference of the compiled run to the readable one over 5 s, relative to each channel's largest entry."""
     arm = panda() if name == "panda" else rbi.load_robot(name)
     plant = arm.with_payload(0.5).with_friction(0.2, 0.3)
-    given = build(arm), plant, cosine(arm, amplitude=0.3, period=2.0)
-    settings: Any = {"wrench": [1.0, -2.0, 3.0, 0.1, 0.0, 0.2], "duration": 5.0, "substeps": 2}
-    mine = rbi.simulate(*given, **settings, backend="compiled")
-    truth = closed_loop.run(single.closed_loop(*given, **settings, integrator="semi-implicit"))
+    controller, given = build(arm), (plant, cosine(arm, amplitude=0.3, period=2.0))
+    settings: Any = {"environment": [1.0, -2.0, 3.0, 0.1, 0.0, 0.2], "duration": 5.0, "substeps": 2}
+    mine = rbi.simulate(controller.with_backend("compiled"), *given, **settings)
+    truth = rbi.simulate(controller.with_backend("numpy"), *given, **settings)
     return max(
         float(np.abs(getattr(mine, x) - getattr(truth, x)).max())
         / max(float(np.abs(getattr(truth, x)).max()), 1.0)
@@ -166,9 +164,10 @@ def _cold() -> dict[str, float]:
         "import time, rbimpedance as rbi\n"
         "arm = rbi.load_robot('two_link')\n"
         "parts = rbi.Impedance(1, 10, 20), rbi.PowerSurface(3, 1.5), rbi.SuperTwisting(8, 10)\n"
-        "given = rbi.ImpedanceController(arm, *parts, 1e-3), arm, rbi.trajectories.hold(arm)\n"
+        "c = rbi.ImpedanceController(arm, *parts, 1e-3, backend='compiled')\n"
+        "given = c, arm, rbi.trajectories.hold(arm)\n"
         "t = time.process_time()\n"
-        "rbi.simulate(*given, duration=0.01, backend='compiled')\n"
+        "rbi.simulate(*given, duration=0.01)\n"
         "print(time.process_time() - t)"
     )
     with tempfile.TemporaryDirectory() as folder:

@@ -14,12 +14,17 @@ from rbimpedance._common.arrays import Array
 from rbimpedance._numba.compile import kernel
 from rbimpedance.cli.timing import Inputs
 from rbimpedance.control.compiled.block import COLUMNS
-from rbimpedance.control.compiled.entry import LAW, SCRATCH
-from rbimpedance.control.compiled.kernels import Law, Measured, Scratch
+from rbimpedance.control.compiled.law import LawTables, Scratch, TickInputs
 from rbimpedance.control.compiled.pack import pack_law, scratch
-from rbimpedance.control.compiled.tick import after_torque, before_torque, is_sound, model_torque
+from rbimpedance.control.compiled.tick import (
+    LAW,
+    SCRATCH,
+    after_torque,
+    before_torque,
+    is_sound,
+    model_torque,
+)
 from rbimpedance.control.controller import ImpedanceController
-from rbimpedance.law.super_twisting import SuperTwisting
 from rbimpedance.robot.compiled.dynamics import ARM, OWN_MATRIX, SPACE, VECTOR_IN, CompiledDynamics
 from rbimpedance.robot.compiled.tables import ArmTables, Workspace, workspace
 
@@ -51,17 +56,7 @@ def _time(call: Callable[[int], int], stages: int) -> float:
 
 
 def _prepared(made: ImpedanceController, given: Inputs) -> Callable[[int], int]:
-    nv, reaching = made.arm.nv, made.reaching
-    assert isinstance(reaching, SuperTwisting)
-    law = pack_law(
-        nv,
-        made.dt,
-        made.impedance.filter(nv, made.dt),
-        made.surface,
-        reaching,
-        made.limits,
-        made.model,
-    )
+    nv, law = made.arm.nv, pack_law(made._law)
     tables, state = CompiledDynamics(made.arm).tables, np.zeros((nv, COLUMNS))
     vectors = (given.q, given.v, *given.reference, given.tau_ext)
     return functools.partial(_kernel(), tables, workspace(nv), law, scratch(nv), state, *vectors)
@@ -77,7 +72,7 @@ def _kernel() -> Callable[..., Any]:
 def _stages(
     arm: ArmTables,
     space: Workspace,
-    law: Law,
+    law: LawTables,
     work: Scratch,
     state: Array,
     q: Array,
@@ -88,7 +83,7 @@ def _stages(
     tau_ext: Array,
     stages: int,
 ) -> int:
-    given, done = Measured(q, v, q_d, v_d, a_d, tau_ext), 0
+    given, done = TickInputs(q, v, q_d, v_d, a_d, tau_ext), 0
     for _ in range(_REPETITIONS):
         if stages & CHECK and is_sound(arm, given):
             done += 1

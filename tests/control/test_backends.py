@@ -1,4 +1,4 @@
-"""Both backends through the public interface, held to the NumPy form that specifies them."""
+"""The compiled backends through the public interface, compared with "numpy", which specifies them."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 import rbimpedance as rbi
 from rbimpedance._common.frozen import set_fields
-from rbimpedance._numba.notices import say_once
-from rbimpedance.control.compiled import ticks as compiled_controller
-from rbimpedance.control.compiled.warm_up import warm_up
+from rbimpedance._numba import warn_once
+from rbimpedance.control.backends import warm_up
+from rbimpedance.control.compiled import forms
 from rbimpedance.robot.compiled import dynamics
 from rbimpedance.robot.compiled.tables import arm_tables
 from rbimpedance.robot.mimic_dynamics import pinocchio_dynamics
@@ -31,7 +31,7 @@ from rbimpedance.robot.mimic_dynamics import pinocchio_dynamics
 from .. import arms
 
 Array = NDArray[np.float64]
-Backend = Literal["pinocchio", "compiled"]
+Backend = Literal["numpy", "pinocchio", "compiled"]
 BACKENDS: tuple[Backend, ...] = ("pinocchio", "compiled")
 FINITE_TIME = rbi.FiniteTimeImpedance(1.5, 10.0, 20.0, 0.7)
 FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
@@ -63,10 +63,17 @@ def assert_same(
 
 
 def readable(c: rbi.ImpedanceController) -> rbi.ImpedanceController:
-    """The same controller without compiled code."""
-    plain = copy.copy(c)
-    set_fields(plain, _tick=None, _compiled=None, _own=None)
-    return plain
+    """The same controller by the specification."""
+    return rbi.ImpedanceController(
+        c.arm,
+        c.impedance,
+        c.surface,
+        c.reaching,
+        c.dt,
+        model=c.model,
+        limits=c.limits,
+        backend="numpy",
+    )
 
 
 def is_compiled(c: rbi.ImpedanceController) -> bool:
@@ -79,7 +86,7 @@ def is_compiled(c: rbi.ImpedanceController) -> bool:
 @pytest.fixture
 def said(caplog: pytest.LogCaptureFixture) -> pytest.LogCaptureFixture:
     warm_up()  # the first compilation on a machine is logged, too
-    say_once.cache_clear()
+    warn_once.cache_clear()
     return caplog
 
 
@@ -98,7 +105,7 @@ def test_closed_loops_are_those_of_the_numpy_form(name: str, limited: bool) -> N
             form,
             arm.with_payload(0.5),
             rbi.trajectories.cosine(arm, amplitude=0.1, period=1.0),
-            wrench=[5.0, 0.0, -5.0, 0.0, 0.0, 0.0],
+            environment=[5.0, 0.0, -5.0, 0.0, 0.0, 0.0],
             duration=0.5,
             substeps=1,
         )
@@ -224,7 +231,7 @@ def test_ticks_of_two_threads_at_once_in_pinocchio_do_not_mix(
 
         return SimpleNamespace(rnea=rnea, mass_matrix=exact.mass_matrix)
 
-    monkeypatch.setattr(compiled_controller, "pinocchio_dynamics", waiting)
+    monkeypatch.setattr(forms, "pinocchio_dynamics", waiting)
     c = controller(arms.spinner(), "pinocchio", limits=5.0)
     assert_threads_get_what_each_gets_alone(c, meet)
 
@@ -319,7 +326,7 @@ def test_errors_are_those_of_the_readable_form(name: str, rng: np.random.Generat
 
 
 def test_an_unknown_backend_is_refused() -> None:
-    with pytest.raises(rbi.ParameterError, match='"pinocchio" or "compiled"'):
+    with pytest.raises(rbi.ParameterError, match='"numpy", "pinocchio" or "compiled"'):
         controller(arms.pendulum(), "numba")  # type: ignore[arg-type]
 
 
@@ -454,7 +461,7 @@ def _in_a_new_process(code: str) -> subprocess.CompletedProcess[str]:
 def test_without_numba_numpy_computes_and_that_is_said_once() -> None:
     run = _in_a_new_process(
         "import sys, numpy as np, rbimpedance as rbi\n"
-        "from rbimpedance.control.compiled import warm_up as compiled\n"
+        "from rbimpedance.control import backends as compiled\n"
         "sys.modules['numba'] = None\n"
         "arm, zero = rbi.load_robot('two_link'), np.zeros(2)\n"
         "parts = rbi.Impedance(1, 10, 20), rbi.PowerSurface(3, 1.5), rbi.SuperTwisting(8, 10)\n"

@@ -204,7 +204,7 @@ def test_computed_torque_achieves_the_target_exactly_with_an_exact_model(
             ComputedTorqueImpedance(arm, impedance, dt),
             arm,
             trajectory,
-            wrench=PUSH,
+            environment=PUSH,
             q0=trajectory(0.0).q,
             duration=0.4,
         )
@@ -339,7 +339,7 @@ def test_boundary_layer_bounds_the_error_of_a_moving_arm(arm: rbi.ArmModel) -> N
     )
     trajectory = cosine(arm, center=0.5, amplitude=0.2, period=6.0)
     q0 = trajectory(0.0).q  # e1 = e2 = s = 0
-    result = rbi.simulate(controller, arm, trajectory, wrench=PUSH, q0=q0, duration=5.0)
+    result = rbi.simulate(controller, arm, trajectory, environment=PUSH, q0=q0, duration=5.0)
     w = np.abs(_disturbance(result)).max()
     assert w < SWITCHING_GAIN
     assert np.abs(result.s).max() <= width * w / SWITCHING_GAIN
@@ -374,7 +374,7 @@ def test_slotine_li_loses_its_sliding_energy_to_its_gain_alone() -> None:
     for dt in (2e-3, 1e-3):
         controller = SlotineLi(arm, IMPEDANCE, 3.0, K_s, dt)
         q0 = trajectory(0.0).q + 0.2
-        result = rbi.simulate(controller, arm, trajectory, wrench=PUSH, q0=q0, duration=0.6)
+        result = rbi.simulate(controller, arm, trajectory, environment=PUSH, q0=q0, duration=0.6)
         M = [arm.mass_matrix(q) for q in result.q]
         energy = np.einsum("ti,tij,tj->t", result.s, M, result.s) / 2.0
         assert (np.diff(energy) < 0.0).all()

@@ -42,7 +42,7 @@ def swing(guard: Any, amplitude: float, torque: Any = 0.0) -> rbi.SimulationResu
         guard,
         arm,
         lambda t: trajectory(t + 0.5),
-        wrench=push,
+        environment=push,
         q0=start.q,
         v0=start.v,
         duration=2.0,

@@ -32,7 +32,7 @@ def held(controller: Any, plant: rbi.ArmModel, wrench: Any = None, **more: Any) 
     """Deflection after 1.2 s of holding the posture, shape (nv,)."""
     motion = rbi.trajectories.hold(plant, POSTURE)
     result = rbi.simulate(
-        controller, plant, motion, wrench=wrench, q0=POSTURE, duration=1.2, substeps=1, **more
+        controller, plant, motion, environment=wrench, q0=POSTURE, duration=1.2, substeps=1, **more
     )
     return np.asarray(result.q[-1] - POSTURE)
 
@@ -152,7 +152,7 @@ def test_e_im_is_what_acts_beyond_the_model(panda: rbi.ArmModel) -> None:
     motion = rbi.trajectories.hold(panda, POSTURE)
     controller = rbi.CompliantController(panda, STIFFNESS)
     result = rbi.simulate(
-        controller, panda, motion, wrench=SIDEWAYS, q0=POSTURE, duration=0.02, substeps=1
+        controller, panda, motion, environment=SIDEWAYS, q0=POSTURE, duration=0.02, substeps=1
     )
     np.testing.assert_allclose(result.e_im, -result.tau_ext, atol=1e-6)
 

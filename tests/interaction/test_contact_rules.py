@@ -128,7 +128,7 @@ def press(
         controller,
         arm,
         trajectory,
-        wrench=wall,
+        environment=wall,
         sensor=sensor,
         q0=start.q,
         v0=start.v,

@@ -90,7 +90,12 @@ def simulate(sensor: Sensor[Any] | None) -> rbi.SimulationResult:
         DT,
     )
     return rbi.simulate(
-        controller, arm, hold(arm), wrench=JointTorque(step_torque), sensor=sensor, duration=0.2
+        controller,
+        arm,
+        hold(arm),
+        environment=JointTorque(step_torque),
+        sensor=sensor,
+        duration=0.2,
     )
 
 

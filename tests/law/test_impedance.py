@@ -363,7 +363,7 @@ def test_controller_achieves_the_finite_time_target_on_an_unknown_arm() -> None:
         controller,
         scenario.plant,
         scenario.trajectory,
-        wrench=scenario.wrench,
+        environment=scenario.environment,
         q0=scenario.q0,
         duration=6.0,
     )

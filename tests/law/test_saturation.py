@@ -182,7 +182,7 @@ def _ticks(scenario: Scenario, q: Array, v: Array, ticks: int) -> list[Tick]:
     state, log = controller.init(), []
     for k in range(ticks):
         t = k * controller.dt
-        tau_ext = scenario.wrench.torque(scenario.plant, t, q, v)
+        tau_ext = scenario.environment.torque(scenario.plant, t, q, v)
         z = state.z
         output, state = controller.step(state, q, v, scenario.trajectory(t), tau_ext)
         log.append(Tick(q, v, output, tau_ext, z))

@@ -90,7 +90,7 @@ def test_live_page_shows_arm_ghost_and_force_and_follows_display(
     browser: Browser, arm: ArmModel
 ) -> None:
     q_r = arm.integrate(arm.neutral, np.full(arm.nv, 0.4))
-    with view(arm, q_r=q_r, wrench=WRENCH) as viewer:
+    with view(arm, q_r=q_r, environment=WRENCH) as viewer:
         browser.show(viewer.url)
         check_scene(browser)
         assert share(shown(browser, "moment"), shown(browser)) > 0.002
@@ -102,7 +102,7 @@ def test_live_page_shows_arm_ghost_and_force_and_follows_display(
         browser.run(
             "window.last = player.show; player.show = (x) => { player.news = 1; return last.call(player, x) }"
         )
-        viewer.display(moved, q_r=q_r, wrench=WRENCH)
+        viewer.display(moved, q_r=q_r, environment=WRENCH)
         browser.wait_for("player.news")
         assert share(shown(browser, "arm"), before) > 0.01
         assert browser.errors == []
@@ -173,10 +173,10 @@ def test_playing_again_before_the_next_frame_does_not_double_the_speed(run_page:
 
 
 def test_arrow_of_a_force_that_grows_while_running_stays_in_proportion(browser: Browser) -> None:
-    with view("two_link", wrench=np.zeros(6)) as viewer:
+    with view("two_link", environment=np.zeros(6)) as viewer:
         browser.show(viewer.url)
         for newtons in (1.0, 50.0):
-            viewer.display([0.0, 0.0], wrench=[0, 0, newtons, 0, 0, 0])
+            viewer.display([0.0, 0.0], environment=[0, 0, newtons, 0, 0, 0])
             browser.wait_for(f"player.largest.force === {newtons}")
             assert browser.run("player.arrows[0].visible")
             height = browser.run("player.arrows[0].children[1].position.y")
@@ -201,7 +201,7 @@ def test_page_survives_a_closed_tab_and_a_new_kind_of_scene(browser: Browser) ->
 
 
 def test_notebook_frame_shows_the_arm(browser: Browser, tmp_path: Path) -> None:
-    viewer: Viewer = view("two_link", wrench=[*FORCE, 0, 0, 0])
+    viewer: Viewer = view("two_link", environment=[*FORCE, 0, 0, 0])
     page = tmp_path / "notebook.html"
     page.write_text(f"<!DOCTYPE html><meta charset=utf-8>{viewer._repr_html_()}", encoding="utf-8")
     browser.errors.clear()

@@ -264,7 +264,7 @@ def test_wrenches_that_are_given_act_at_their_frames_and_walls_are_surfaces(
 ) -> None:
     wall = rbi.Wall(point=[1.0, 5.0, 7.0], normal=[2.0, 0.0, 0.0], stiffness=1e3)
     push = FrameWrench([0, 0, 9, 0, 3, 0], frame="panda_link4")
-    header, arrays = scene_of(swung(panda).animate(wrench=Sum(push, wall)).html())
+    header, arrays = scene_of(swung(panda).animate(environment=Sum(push, wall)).html())
     wrenches = numbers(header["now"]["wrenches"], arrays).reshape(2, 9)
     np.testing.assert_allclose(wrenches[0, 3:], [0, 0, 9, 0, 3, 0])
     np.testing.assert_allclose(
@@ -460,7 +460,7 @@ def test_display_does_not_wait_for_a_browser_that_does_not_read(panda: ArmModel)
 
 @pytest.mark.parametrize(
     ("arguments", "word"),
-    [({"q": [0.0]}, "q"), ({"q_r": [0.0, np.nan]}, "q_r"), ({"wrench": [1.0, 2.0]}, "wrench")],
+    [({"q": [0.0]}, "q"), ({"q_r": [0.0, np.nan]}, "q_r"), ({"environment": [1.0, 2.0]}, "wrench")],
 )
 def test_bad_input_is_named(two_link: ArmModel, arguments: dict[str, Any], word: str) -> None:
     with pytest.raises(rbi.InputError, match=rf"^{word}\b"):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rbimpedance._numba.compile import kernel
 from rbimpedance.robot.compiled.dynamics import OWN_VECTOR
-from rbimpedance.robot.compiled.trigonometry import LARGEST_ANGLE, cosines_and_sines
+from rbimpedance.robot.compiled.spatial import LARGEST_ANGLE, cosines_and_sines
 
 Array = NDArray[np.float64]
 UNIT = 2.0**-53

@@ -12,7 +12,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import rbimpedance as rbi
-from rbimpedance._numba.notices import say_once
+from rbimpedance._numba import warn_once
 from rbimpedance.simulation.closed_loop import LOGGED
 from rbimpedance.trajectories import cosine, hold
 
@@ -33,7 +33,7 @@ def build(arm: rbi.ArmModel, k1: float = 8.0, **changes: Any) -> rbi.ImpedanceCo
 
 @pytest.fixture
 def said(caplog: pytest.LogCaptureFixture) -> pytest.LogCaptureFixture:
-    say_once.cache_clear()
+    warn_once.cache_clear()
     return caplog
 
 
@@ -52,7 +52,7 @@ def worlds(arm: rbi.ArmModel, n: int, rng: np.random.Generator) -> list[dict[str
             "controller": build(arm, k1=rng.uniform(6.0, 9.0)),
             "plant": arm.with_payload(rng.uniform(0.1, 0.5)).with_friction(rng.uniform(0.0, 0.5)),
             "trajectory": cosine(arm, amplitude=rng.uniform(0.1, 0.3), period=0.5),
-            "wrench": wrenches[i % len(wrenches)],
+            "environment": wrenches[i % len(wrenches)],
             "q0": arm.random_configuration(rng),
             "v0": rng.normal(size=arm.nv),
         }
@@ -78,7 +78,8 @@ def test_batch_is_simulate_world_by_world(
     assert len(batch) == 7
     assert not batch.diverged.any()
     for i, world in enumerate(given):
-        alone = rbi.simulate(**world, **settings, backend="compiled")
+        controller = world["controller"].with_backend("compiled")
+        alone = rbi.simulate(**(world | {"controller": controller}), **settings)
         assert_array_equal(batch.t, alone.t[::3])
         for name in CHANNELS:
             assert_array_equal(batch[name][i], getattr(alone, name)[::3])
@@ -92,12 +93,13 @@ def test_batch_is_simulate_world_by_world(
 def test_what_is_not_listed_is_shared_by_all_worlds(rng: np.random.Generator) -> None:
     arm = arms.manipulator()
     q0 = [arm.random_configuration(rng) for _ in range(3)]
-    shared: Any = {"v0": np.full(6, 0.1), "wrench": [1.0, 2.0, 3.0, 0.0, 0.0, 0.0]}
+    shared: Any = {"v0": np.full(6, 0.1), "environment": [1.0, 2.0, 3.0, 0.0, 0.0, 0.0]}
     given = build(arm), arm, cosine(arm, amplitude=0.2, period=0.5)
     batch = rbi.simulate_batch(*given, q0=q0, **shared, duration=0.05, channels=("tau",))
     assert batch["tau"].shape == (3, 51, 6)
     for i in range(3):
-        alone = rbi.simulate(*given, q0=q0[i], **shared, duration=0.05, backend="compiled")
+        compiled = given[0].with_backend("compiled")
+        alone = rbi.simulate(compiled, *given[1:], q0=q0[i], **shared, duration=0.05)
         assert_array_equal(batch["tau"][i], alone.tau)
 
 
@@ -105,7 +107,7 @@ def test_rows_of_wrenches_are_one_for_each_world() -> None:
     arm = arms.manipulator()
     wrenches = np.arange(12.0).reshape(2, 6)
     batch = rbi.simulate_batch(
-        build(arm), arm, hold(arm), wrench=wrenches, duration=0.01, channels=("tau_ext",)
+        build(arm), arm, hold(arm), environment=wrenches, duration=0.01, channels=("tau_ext",)
     )
     expected = wrenches @ arm.jacobian(arm.neutral)
     assert_allclose(batch["tau_ext"][:, 0], expected, rtol=0.0, atol=1e-12)
@@ -128,10 +130,10 @@ def test_a_world_that_diverges_is_marked_and_the_others_go_on() -> None:
     pulls = [0.0, 1e9, 0.0]
     wrench = [rbi.JointTorque(partial(pull, x)) for x in pulls]
     given: Any = build(arm, limits=20.0), arm, hold(arm)
-    settings: Any = {"wrench": wrench, "duration": 0.2, "every": 4}
+    settings: Any = {"environment": wrench, "duration": 0.2, "every": 4}
     batch = rbi.simulate_batch(*given, **settings, channels=("v", "saturated"))
     with pytest.raises(rbi.DivergenceError) as caught:
-        rbi.simulate(*given, wrench=wrench[1], duration=0.2)
+        rbi.simulate(*given, environment=wrench[1], duration=0.2)
     assert batch.diverged.tolist() == [False, True, False]
     assert batch.divergence_time[1] == caught.value.time
     assert batch.divergence_joint == (None, caught.value.joint, None)
@@ -153,7 +155,7 @@ def test_worlds_without_a_compiled_form_run_beside_the_others(
     finite = build(arm, impedance=rbi.FiniteTimeImpedance(1.5, 10.0, 20.0, 0.7))
     batch = rbi.simulate_batch(
         [build(arm), finite, finite], arm, hold(arm, [0.0, 1.0, 0.2, 0.1]), duration=0.02,
-        wrench=[None, None, rbi.JointTorque([0.0, 1e12, 0.0])], channels=("tau",), every=7,
+        environment=[None, None, rbi.JointTorque([0.0, 1e12, 0.0])], channels=("tau",), every=7,
     )  # fmt: skip
     assert batch.diverged.tolist() == [False, False, True]
     alone = rbi.simulate(finite, arm, hold(arm, [0.0, 1.0, 0.2, 0.1]), duration=0.02)
@@ -198,7 +200,7 @@ def test_other_threads_run_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
         ({"after": 0.02}, rbi.ParameterError, "after"),
         ({"q0": np.zeros((2, 6)), "v0": np.zeros((3, 6))}, rbi.DimensionError, "q0"),
         ({"q0": np.zeros((2, 5))}, rbi.DimensionError, "q0"),
-        ({"wrench": []}, rbi.InputError, "wrench"),
+        ({"environment": []}, rbi.InputError, "environment"),
         ({"trajectory": []}, rbi.DimensionError, "trajectory"),
         ({"trajectory": lambda _: (np.full(6, np.nan),) * 3}, rbi.NonFiniteError, "reference"),
     ],

@@ -339,7 +339,7 @@ def two_link_run(kill_at: int | None = None, **more: Any) -> rbi.SimulationResul
         controller,
         more.pop("plant", rbi.MujocoPlant(plant.with_friction(coulomb=0.2))),
         rbi.trajectories.cosine(arm, amplitude=0.2, period=2.0),
-        wrench=rbi.interaction.Push([3.0, 0.0, 2.0, 0.0, 0.0, 0.0], 0.1, 0.1),
+        environment=rbi.interaction.Push([3.0, 0.0, 2.0, 0.0, 0.0, 0.0], 0.1, 0.1),
         duration=0.3,
         on_tick=on_tick,
         **more,
@@ -383,7 +383,7 @@ def test_diverging_run_ends_with_its_error_and_leaves_no_file(
             wild,
             rbi.MujocoPlant(arm, limits=False),
             rbi.trajectories.hold(arm),
-            wrench=Repelling(),
+            environment=Repelling(),
             duration=1.0,
         )
     assert list(tmp_path.iterdir()) == []

@@ -51,7 +51,7 @@ def run() -> rbi.SimulationResult:
         dt=0.01,
     )
     return rbi.simulate(
-        controller, arm.with_payload(0.3), hold(arm), wrench=np.ones(6), duration=0.2
+        controller, arm.with_payload(0.3), hold(arm), environment=np.ones(6), duration=0.2
     )
 
 
@@ -320,7 +320,7 @@ def pushed(wrench: Any, duration: float = 0.05) -> rbi.SimulationResult:
         rbi.SuperTwisting(8.0, 10.0),
         dt=0.005,
     )
-    return rbi.simulate(controller, arm, hold(arm), wrench=wrench, duration=duration)
+    return rbi.simulate(controller, arm, hold(arm), environment=wrench, duration=duration)
 
 
 def test_logged_wrench_explains_the_logged_torque() -> None:

@@ -54,6 +54,7 @@ def simulated(
         rbi.SuperTwisting(8.0, [10.0, 11.0, 12.0], more.pop("scheme", "implicit")),
         dt=2e-3,
         limits=rbi.Limits(60.0, 2000.0),
+        backend=more.pop("backend", "pinocchio"),
     )
 
     def on_tick(done: int, total: int) -> None:
@@ -67,7 +68,7 @@ def simulated(
         FaultGuard(controller) if guarded else controller,
         arm.with_payload(0.4),
         rbi.trajectories.cosine(arm, amplitude=0.2, period=2.0),
-        wrench=np.array([3.0, -1.0, 2.0, 0.1, 0.0, 0.2]),
+        environment=np.array([3.0, -1.0, 2.0, 0.1, 0.0, 0.2]),
         sensor=MomentumObserver(arm, 100.0, 2e-3) if guarded else None,
         duration=TICKS * 2e-3,
         on_tick=on_tick,
@@ -212,7 +213,7 @@ def test_filter_and_integrator_do_not_drift() -> None:
         [controller],
         arm.with_payload(0.3),
         rbi.trajectories.cosine(arm, center=0.5, amplitude=0.2, period=6.0),
-        wrench=np.array([3.0, 0.0, 2.0, 0.0, 0.0, 0.0]),
+        environment=np.array([3.0, 0.0, 2.0, 0.0, 0.0, 0.0]),
         duration=600.0,
         substeps=2,
         channels=("q_r", "s", "tau"),

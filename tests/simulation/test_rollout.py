@@ -1,4 +1,4 @@
-"""`simulate(..., backend="compiled")`, held to the readable form of the loop."""
+"""`simulate` by the backend of the controller, compared with "numpy", which specifies the loop."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import rbimpedance as rbi
 from rbimpedance import interaction
-from rbimpedance._numba.notices import say_once
+from rbimpedance._numba import warn_once
 from rbimpedance.control.telemetry import FLAGS
 from rbimpedance.simulation import closed_loop
 from rbimpedance.simulation import run as single
@@ -43,10 +43,17 @@ def load(name: str) -> rbi.ArmModel:
 def readable(
     controller: rbi.ImpedanceController, *given: Any, **settings: Any
 ) -> rbi.SimulationResult:
-    """The run by the form that specifies all others."""
+    """The run by the form that specifies all others, ticks included."""
     standard: Any = {"substeps": 4, "integrator": "semi-implicit"}
-    loop = single.closed_loop(controller, *given, **(standard | settings))
+    loop = single.closed_loop(controller.with_backend("numpy"), *given, **(standard | settings))
     return closed_loop.run(loop)
+
+
+def simulate(
+    controller: rbi.ImpedanceController, *given: Any, backend: Any, **settings: Any
+) -> rbi.SimulationResult:
+    """The run by a backend."""
+    return rbi.simulate(controller.with_backend(backend), *given, **settings)
 
 
 def assert_same(one: rbi.SimulationResult, other: rbi.SimulationResult, bound: float) -> None:
@@ -58,7 +65,7 @@ def assert_same(one: rbi.SimulationResult, other: rbi.SimulationResult, bound: f
 
 @pytest.fixture
 def said(caplog: pytest.LogCaptureFixture) -> pytest.LogCaptureFixture:
-    say_once.cache_clear()
+    warn_once.cache_clear()
     return caplog
 
 
@@ -75,9 +82,9 @@ def test_fast_run_is_the_readable_run(
     plant = arm.with_payload(0.5).with_friction(0.2, 0.3)
     motion = cosine(arm, amplitude=0.3, period=rng.uniform(1.0, 2.0, arm.nv))
     given = build(arm), plant, motion
-    settings: Any = {"wrench": lambda t: [np.sin(9.0 * t), 1.0, -2.0, 0.1, 0.0, 0.2]}
+    settings: Any = {"environment": lambda t: [np.sin(9.0 * t), 1.0, -2.0, 0.1, 0.0, 0.2]}
     settings |= {"duration": 0.2, "substeps": 2, "v0": rng.normal(size=arm.nv) / 10.0}
-    run = rbi.simulate(*given, **settings, backend=backend)
+    run = simulate(*given, **settings, backend=backend)
     assert_same(run, readable(*given, **settings), 1e-10)
     assert run.tau_ext.any()
     assert "left to Python" not in said.text
@@ -122,9 +129,9 @@ def test_environment_pushes_as_in_the_readable_run(
     """A continuous, a sliding and an oblique joint."""
     arm = arms.spinner()
     given = build(arm), arm.with_payload(0.3), cosine(arm, amplitude=0.2, period=0.3)
-    settings: Any = {"wrench": environment(name, arm), "duration": 0.15, "substeps": 3}
+    settings: Any = {"environment": environment(name, arm), "duration": 0.15, "substeps": 3}
     settings |= {"integrator": integrator}
-    run = rbi.simulate(*given, **settings, backend=backend)
+    run = simulate(*given, **settings, backend=backend)
     assert_same(run, readable(*given, **settings), 1e-10)
     is_pushed = run.tau_ext.any(axis=1)
     assert is_pushed.any() == (name != "at the base")
@@ -164,8 +171,12 @@ def held_back_by(law: dict[str, Any]) -> set[str]:
 def test_every_law_runs_as_in_the_readable_form(law: dict[str, Any], backend: Any) -> None:
     arm = arms.spinner()
     given = build(arm, **law), arm.with_payload(0.3), hold(arm, [0.0, 1.0, 0.4, 0.3])
-    settings: Any = {"wrench": [3.0, -2.0, 1.0, 0.1, 0.2, -0.3], "duration": 0.1, "substeps": 1}
-    run = rbi.simulate(*given, **settings, backend=backend)
+    settings: Any = {
+        "environment": [3.0, -2.0, 1.0, 0.1, 0.2, -0.3],
+        "duration": 0.1,
+        "substeps": 1,
+    }
+    run = simulate(*given, **settings, backend=backend)
     assert_same(run, readable(*given, **settings), 1e-10)
     assert {name for name in FLAGS if getattr(run, name).any()} == held_back_by(law)
 
@@ -175,7 +186,7 @@ def test_stiff_friction_is_taken_at_the_end_of_the_step() -> None:
     plant = arm.with_friction(2000.0, 5.0)
     given = build(arm), plant, cosine(arm, amplitude=0.2, period=0.3)
     settings: Any = {"duration": 0.1, "substeps": 1, "v0": [1.0, 1.0, 1.0]}
-    run = rbi.simulate(*given, **settings, backend="compiled")
+    run = simulate(*given, **settings, backend="compiled")
     assert_same(run, readable(*given, **settings), 1e-10)
     assert np.abs(run.v[-1]).max() < 1.0
 
@@ -185,11 +196,11 @@ def test_run_does_not_depend_on_where_its_blocks_end(monkeypatch: pytest.MonkeyP
 
     arm = arms.spinner()
     given = build(arm), arm.with_payload(0.3), cosine(arm, amplitude=0.2, period=0.3)
-    settings: Any = {"wrench": lambda t: np.full(6, t), "duration": 0.1, "substeps": 2}
-    whole = rbi.simulate(*given, **settings, backend="compiled")
+    settings: Any = {"environment": lambda t: np.full(6, t), "duration": 0.1, "substeps": 2}
+    whole = simulate(*given, **settings, backend="compiled")
     told: list[tuple[int, int]] = []
     monkeypatch.setattr(world, "STEPS_AT_ONCE", 14)
-    parts = rbi.simulate(*given, **settings, backend="compiled", on_tick=lambda *x: told.append(x))
+    parts = simulate(*given, **settings, backend="compiled", on_tick=lambda *x: told.append(x))
     for name in CHANNELS:
         assert_array_equal(getattr(parts, name), getattr(whole, name))
     assert told[0] == (0, 100)
@@ -239,7 +250,7 @@ def test_a_bad_reference_is_refused_as_by_the_controller(
 
     for backend in ("pinocchio", "compiled"):
         with pytest.raises(error, match=words):
-            rbi.simulate(build(arm), arm, trajectory, duration=0.01, backend=backend)
+            simulate(build(arm), arm, trajectory, duration=0.01, backend=backend)
 
 
 @pytest.mark.parametrize("value", [np.ones(5), np.full(6, np.nan), "hard"])
@@ -248,18 +259,21 @@ def test_a_bad_wrench_is_refused(value: Any) -> None:
     wrench = rbi.FrameWrench(lambda t: np.ones(6) if t < 0.005 else value)
     for backend in ("pinocchio", "compiled"):
         with pytest.raises(rbi.InputError, match="wrench"):
-            rbi.simulate(build(arm), arm, hold(arm), wrench=wrench, duration=0.01, backend=backend)
+            simulate(build(arm), arm, hold(arm), environment=wrench, duration=0.01, backend=backend)
 
 
 def test_an_unknown_frame_and_an_unknown_backend_are_refused() -> None:
     arm = arms.manipulator()
     given: Any = build(arm), arm, hold(arm)
     with pytest.raises(rbi.ModelError, match="no frame 'hook'"):
-        rbi.simulate(
-            *given, wrench=rbi.FrameWrench(np.ones(6), "hook"), duration=0.01, backend="compiled"
+        simulate(
+            *given,
+            environment=rbi.FrameWrench(np.ones(6), "hook"),
+            duration=0.01,
+            backend="compiled",
         )
     with pytest.raises(rbi.ParameterError, match="backend"):
-        rbi.simulate(*given, duration=0.01, backend="c")  # type: ignore[arg-type]
+        simulate(*given, duration=0.01, backend="c")
 
 
 # --- divergence ----------------------------------------------------------------------------------
@@ -270,9 +284,9 @@ def test_divergence_carries_the_same_as_in_the_readable_run(backend: Any) -> Non
     """A pull that grows without end."""
     arm = arms.spinner()
     given = build(arm, limits=20.0), arm, hold(arm)
-    settings: Any = {"wrench": rbi.JointTorque(lambda t: [0.0, 1e9 * (t > 0.05), 0.0])}
+    settings: Any = {"environment": rbi.JointTorque(lambda t: [0.0, 1e9 * (t > 0.05), 0.0])}
     errors = []
-    for run in (readable, partial(rbi.simulate, backend=backend)):
+    for run in (readable, partial(simulate, backend=backend)):
         with pytest.raises(rbi.DivergenceError) as caught:
             run(*given, **settings, duration=0.2)
         errors.append(caught.value)
@@ -296,8 +310,8 @@ class Mine:
 
 
 LEFT: dict[str, tuple[Any, dict[str, Any], str]] = {
-    "interaction": ({}, {"wrench": Mine()}, "Mine"),
-    "inner interaction": ({}, {"wrench": rbi.interaction.Sum(Mine())}, "Sum"),
+    "interaction": ({}, {"environment": Mine()}, "Mine"),
+    "inner interaction": ({}, {"environment": rbi.interaction.Sum(Mine())}, "Sum"),
     "sensor": ({}, {"sensor": interaction.Delay(2)}, "Delay"),
     "target": ({"impedance": rbi.FiniteTimeImpedance(1.5, 10.0, 20.0, 0.7)}, {}, "FiniteTime"),
 }
@@ -311,22 +325,35 @@ def test_what_has_no_compiled_form_runs_in_python_and_that_is_said_once(
     arm = arms.spinner()
     given: Any = build(arm, **changes), arm, hold(arm)
     settings = {"duration": 0.01} | settings
-    runs = [rbi.simulate(*given, **settings, backend="compiled") for _ in range(2)]
+    runs = [simulate(*given, **settings, backend="compiled") for _ in range(2)]
     assert_same(runs[0], readable(*given, **settings), 1e-10)
     said_so = [record.message for record in said.records if "left to Python" in record.message]
     assert len(said_so) == 1
     assert word in said_so[0]
 
 
-def test_mimic_arms_and_other_controllers_run_in_python(said: pytest.LogCaptureFixture) -> None:
+def test_mimic_arms_run_in_python_and_that_is_said(said: pytest.LogCaptureFixture) -> None:
     arm = arms.follower()
-    run = rbi.simulate(build(arm), arm, hold(arm), duration=0.01, backend="compiled")
+    run = simulate(build(arm), arm, hold(arm), duration=0.01, backend="compiled")
     assert_same(run, readable(build(arm), arm, hold(arm), duration=0.01), 1e-10)
     assert "left to Python" in said.text
-    pendulum = arms.pendulum()
-    other = rbi.baselines.PDGravity(pendulum, rbi.Impedance(1.0, 10.0, 20.0), 1e-3)
-    rbi.simulate(other, pendulum, hold(pendulum), duration=0.01, backend="compiled")
-    assert "PDGravity" in said.text
+
+
+def test_the_specification_runs_without_compiled_code() -> None:
+    code = (
+        "import sys, rbimpedance as rbi\n"
+        "sys.modules['numba'] = None\n"
+        "arm = rbi.load_robot('two_link')\n"
+        "parts = rbi.Impedance(1, 10, 20), rbi.PowerSurface(3, 1.5), rbi.SuperTwisting(8, 10)\n"
+        "c = rbi.ImpedanceController(arm, *parts, 1e-3, backend='numpy')\n"
+        "hold = rbi.trajectories.hold(arm)\n"
+        "rbi.simulate(c, arm, hold, duration=0.01)\n"
+        "batch = rbi.simulate_batch(c, arm, hold, duration=0.01)\n"
+        "print(len(batch))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "1"
+    assert not run.stderr
 
 
 def test_default_run_does_not_compile_the_rollout() -> None:
@@ -336,8 +363,8 @@ def test_default_run_does_not_compile_the_rollout() -> None:
         "parts = rbi.Impedance(1, 10, 20), rbi.PowerSurface(3, 1.5), rbi.SuperTwisting(8, 10)\n"
         "c = rbi.ImpedanceController(arm, *parts, 1e-3)\n"
         "rbi.simulate(c, arm, rbi.trajectories.hold(arm), duration=0.01)\n"
-        "rollout = sys.modules.get('rbimpedance.simulation.compiled.rollout')\n"
-        "print(rollout is not None and bool(rollout._ROLLOUT))"
+        "loop = sys.modules.get('rbimpedance.simulation.compiled.loop')\n"
+        "print(loop is not None and bool(loop._ROLLOUT))"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "False"

@@ -95,7 +95,7 @@ def test_integrator_has_its_order_on_a_smooth_torque(
     errors = []
     for n in substeps:
         run = swing(
-            spinner, dt=0.25, duration=1.0, q0=q0, v0=v0, wrench=rbi.JointTorque(push), substeps=n,
+            spinner, dt=0.25, duration=1.0, q0=q0, v0=v0, environment=rbi.JointTorque(push), substeps=n,
             integrator=integrator,
         )  # fmt: skip
         away = spinner.difference(run.q[-1], truth)
@@ -184,7 +184,7 @@ def test_time_is_the_tick_times_the_period_to_the_bit() -> None:
 
 def test_environment_acts_at_every_physics_step() -> None:
     pendulum, recorder, dt = arms.pendulum(), Recorder(), 0.01
-    swing(pendulum, dt=dt, duration=0.3, substeps=3, wrench=recorder)
+    swing(pendulum, dt=dt, duration=0.3, substeps=3, environment=recorder)
     ticks = np.arange(31) * dt
     steps = (np.arange(30)[:, None] * dt + np.arange(3) * dt / 3.0).ravel()
     assert_allclose(sorted(recorder.times), np.sort(np.concatenate([ticks, steps])), rtol=1e-14)
@@ -202,7 +202,7 @@ def test_progress_is_told_from_nothing_to_all() -> None:
 
 def test_controller_and_plant_share_no_model() -> None:
     arm, recorder = arms.pendulum(), Recorder()
-    swing(arm, dt=0.1, duration=0.1, wrench=recorder)
+    swing(arm, dt=0.1, duration=0.1, environment=recorder)
     (plant,) = recorder.arms
     assert plant is not arm
     assert plant.raw_dynamics is not arm.raw_dynamics
@@ -225,7 +225,7 @@ def test_run_is_reproducible_to_the_bit() -> None:
     wrench = rbi.FrameWrench(lambda t: [np.sin(t), 1.0, 0.0, 0.1, 0.0, 0.0], expressed_in="local")
 
     def run() -> rbi.SimulationResult:
-        return rbi.simulate(controller, plant, hold(spinner), wrench=wrench, duration=0.2)
+        return rbi.simulate(controller, plant, hold(spinner), environment=wrench, duration=0.2)
 
     first, _, second = run(), swing(spinner, dt=0.1, duration=0.1), run()
     for name in CHANNELS:
@@ -270,7 +270,7 @@ def test_impedance_error_is_the_residual_of_the_targets_equation() -> None:
     """M_d (a_d - a) + D_d (v_d - v) + K_d (q_d - q) + tau_ext with a of the textbook pendulum."""
     pendulum, push = arms.pendulum(), 1.5
     run = rbi.simulate(
-        build(pendulum), pendulum, hold(pendulum, [0.4]), wrench=rbi.JointTorque([push]),
+        build(pendulum), pendulum, hold(pendulum, [0.4]), environment=rbi.JointTorque([push]),
         q0=[0.1], duration=0.3,
     )  # fmt: skip
     a = (run.tau + push - 9.81 * np.sin(run.q)) / INERTIA
@@ -288,7 +288,7 @@ WRENCH = [1.0, -2.0, 3.0, 0.1, 0.2, -0.3]
 )
 def test_logged_external_torque_is_that_of_the_wrench_at_the_tool(wrench: Any) -> None:
     spinner = arms.spinner()
-    run = swing(spinner, dt=0.01, duration=0.1, wrench=wrench)
+    run = swing(spinner, dt=0.01, duration=0.1, environment=wrench)
     expected = [spinner.jacobian(q).T @ WRENCH for q in run.q]
     assert_allclose(run.tau_ext, expected, rtol=0.0, atol=1e-13)
     still = swing(spinner, dt=0.01, duration=0.1)
@@ -298,7 +298,7 @@ def test_logged_external_torque_is_that_of_the_wrench_at_the_tool(wrench: Any) -
 
 def test_joint_torque_moves_the_arm_as_a_motor_would() -> None:
     spinner, torque = arms.spinner(), np.array([1.0, 2.0, -0.5])
-    pushed = swing(spinner, dt=0.01, duration=0.2, wrench=rbi.JointTorque(torque))
+    pushed = swing(spinner, dt=0.01, duration=0.2, environment=rbi.JointTorque(torque))
     driven = swing(spinner, dt=0.01, duration=0.2, torque=lambda k: torque * (k >= 0))
     assert_array_equal(pushed.q, driven.q)
     assert_array_equal(pushed.v, driven.v)
@@ -317,7 +317,7 @@ def test_divergence_tells_time_and_joint_and_keeps_the_sound_part(
     throw = np.array([0.0, torque, 0.0])
     with pytest.raises(rbi.DivergenceError, match=r"diverged after t = 0.03 s at joint") as caught:
         swing(
-            spinner, dt=0.01, duration=1.0, wrench=WRENCH, integrator=integrator,
+            spinner, dt=0.01, duration=1.0, environment=WRENCH, integrator=integrator,
             torque=lambda k: throw if k == 3 else np.zeros(3),
         )  # fmt: skip
     error = caught.value
@@ -346,7 +346,7 @@ def test_divergence_ends_the_run_at_the_physics_step_that_left() -> None:
     pendulum, recorder = arms.pendulum(), Recorder()
     with pytest.raises(rbi.DivergenceError):
         swing(
-            pendulum, dt=0.01, duration=0.1, wrench=recorder, substeps=5,
+            pendulum, dt=0.01, duration=0.1, environment=recorder, substeps=5,
             torque=lambda k: np.array([1e9 * (k == 3)]),
         )  # fmt: skip
     assert max(recorder.times) == 3 * 0.01
@@ -428,9 +428,13 @@ def test_plant_with_another_number_of_joints_is_refused() -> None:
         ({"q0": [0.5, 0.5, 0.0, 0.0]}, rbi.DimensionError, r"^q0 must be .*unit length"),
         ({"v0": np.zeros(4)}, rbi.DimensionError, r"^v0 must be .*= \(3,\), got shape \(4,\)"),
         ({"v0": [0.0, np.inf, 0.0]}, rbi.NonFiniteError, r"^v0 must be finite; entry 1"),
-        ({"wrench": np.zeros(3)}, rbi.DimensionError, r"^wrench must be"),
-        ({"wrench": lambda t: [t, 0, 0, 0, 0, np.nan]}, rbi.NonFiniteError, r"^wrench must be"),
-        ({"wrench": rbi.JointTorque([1.0])}, rbi.DimensionError, r"^torque must be"),
+        ({"environment": np.zeros(3)}, rbi.DimensionError, r"^wrench must be"),
+        (
+            {"environment": lambda t: [t, 0, 0, 0, 0, np.nan]},
+            rbi.NonFiniteError,
+            r"^wrench must be",
+        ),
+        ({"environment": rbi.JointTorque([1.0])}, rbi.DimensionError, r"^torque must be"),
     ],
 )
 def test_unusable_argument_is_refused_by_name(

@@ -148,7 +148,7 @@ def test_diverged_run_is_lost(panda: rbi.ArmModel) -> None:
     with pytest.raises(rbi.DivergenceError) as caught:
         rbi.simulate(
             controller(panda, 2000.0, 1e6), panda, cosine(panda), q0=panda.neutral,
-            wrench=lambda t: np.array([1e6 * t, 0.0, 0.0, 0.0, 0.0, 0.0]), duration=5.0,
+            environment=lambda t: np.array([1e6 * t, 0.0, 0.0, 0.0, 0.0, 0.0]), duration=5.0,
         )  # fmt: skip
     verdict = caught.value.result.verdict()
     assert verdict.findings[0].kind == "divergence"

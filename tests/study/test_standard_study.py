@@ -94,7 +94,7 @@ def test_motions_are_no_faster_than_the_gains_are_made_for(task: Task) -> None:
 
 def test_tool_meets_the_wall(task: Task) -> None:
     for experiment in drawn(task, "wall"):
-        arm, wall = task.arm, rbi.interaction.as_interaction(experiment.wrench)
+        arm, wall = task.arm, rbi.interaction.as_interaction(experiment.environment)
         zero = np.zeros(arm.nv)
         touched = [
             wall.torque(arm, t, experiment.trajectory(t).q, zero).any()

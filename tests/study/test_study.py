@@ -305,7 +305,7 @@ def test_errors_are_those_of_the_true_motion_where_the_controller_sees_another(
     def noisy(task: rbi.study.Task, rng: np.random.Generator) -> rbi.study.Experiment:
         wrap = partial(rbi.tuning.ImperfectController, position_noise=0.1)
         calm = SMALL.disturbances["push"](task, rng)
-        return replace(calm, wrench=None, wrap=wrap)
+        return replace(calm, environment=None, wrap=wrap)
 
     study = replace(SMALL, disturbances={"noise": noisy}, samples=1, duration=0.01, after=0.0)
     found = rows(study.part(robots=("one",)), tmp_path)

@@ -12,6 +12,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import rbimpedance as rbi
+from rbimpedance.control.protocol import Backend
 from rbimpedance.simulation.sampling import sample
 from rbimpedance.trajectories import (
     SampledTrajectory,
@@ -245,6 +246,9 @@ def test_missing_csv_file_is_said(arm: rbi.ArmModel, tmp_path: Path) -> None:
         from_csv(arm, tmp_path / "none.csv")
 
 
+BACKENDS: tuple[Backend, ...] = ("pinocchio", "compiled")
+
+
 def test_run_follows_samples_on_both_backends(arm: rbi.ArmModel) -> None:
     controller = rbi.ImpedanceController(
         arm,
@@ -255,8 +259,10 @@ def test_run_follows_samples_on_both_backends(arm: rbi.ArmModel) -> None:
     )
     trajectory = samples(arm, *planner(11, duration=0.4)[:2])
     runs = [
-        rbi.simulate(controller, arm, trajectory, q0=np.zeros(2), duration=0.5, backend=backend)
-        for backend in ("pinocchio", "compiled")
+        rbi.simulate(
+            controller.with_backend(backend), arm, trajectory, q0=np.zeros(2), duration=0.5
+        )
+        for backend in BACKENDS
     ]
     assert_allclose(runs[0].q, runs[1].q, atol=1e-9)
     assert_allclose(runs[0].q[-1], [1.0, -0.5], atol=0.01)

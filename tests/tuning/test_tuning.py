@@ -265,7 +265,7 @@ def test_gains_for_an_arm_that_is_pushed_hold_while_it_is_pushed(two_link: rbi.A
         proposal.controller(),
         sample.plant,
         swing(two_link),
-        wrench=rbi.JointTorque(push),
+        environment=rbi.JointTorque(push),
         q0=two_link.neutral,
         duration=3.0,
     )

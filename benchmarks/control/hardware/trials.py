@@ -148,7 +148,7 @@ def _simulated(controller: Any, plant: rbi.DrivenPlant, length: float) -> rbi.Si
         except rbi.ParameterError:
             continue
         return rbi.simulate(
-            controller, plant, trajectory, wrench=PUSH, duration=length, substeps=substeps
+            controller, plant, trajectory, environment=PUSH, duration=length, substeps=substeps
         )
     raise rbi.ParameterError("stiffness", "the springs'", f"borne by {SUBSTEPS[-1]} substeps")
 

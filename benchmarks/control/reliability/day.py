@@ -43,7 +43,7 @@ def minutes(count: int) -> Any:
         [controller],
         arm.with_payload(0.3),
         cosine(arm, center=0.5, amplitude=0.2, period=PERIOD),
-        wrench=np.array([3.0, 0.0, 2.0, 0.0, 0.0, 0.0]),
+        environment=np.array([3.0, 0.0, 2.0, 0.0, 0.0, 0.0]),
         duration=60.0 * count,
         substeps=2,
         channels=NAMES,

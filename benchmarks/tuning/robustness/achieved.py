@@ -100,7 +100,7 @@ def achieved(name: str, case: str, law_name: str, seed: int) -> Figures:
             controller,
             plant,
             trajectories.hold(plant, q),
-            wrench=chirp(18.0, 2.0),
+            environment=chirp(18.0, 2.0),
             sensor=sensor,
             q0=q,
             duration=20.0,

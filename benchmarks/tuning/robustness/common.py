@@ -15,7 +15,7 @@ Figures = dict[str, Any]
 
 DURATION, LATE = 5.0, 3.0
 SIMULATION: dict[str, Any] = {}
-"""Further arguments of every simulation; `--backend` puts the backend here."""
+"""`--backend` puts the backend of all controllers here."""
 
 
 @dataclass(frozen=True)
@@ -84,4 +84,6 @@ def simulate(
     controller: Any, plant: rbi.ArmModel, trajectory: Trajectory, **more: Any
 ) -> rbi.SimulationResult:
     """The library's simulation, with the backend of this run."""
-    return rbi.simulate(controller, plant, trajectory, **SIMULATION, **more)
+    if SIMULATION and isinstance(controller, rbi.ImpedanceController):
+        controller = controller.with_backend(SIMULATION["backend"])
+    return rbi.simulate(controller, plant, trajectory, **more)

@@ -53,7 +53,7 @@ def meet(place: str, plant_name: str, sensor_name: str, seed: int) -> Figures:
         pushed.law(arm, impedance, reaching),
         plant,
         trajectory,
-        wrench=wall,
+        environment=wall,
         sensor=_sensor(sensor_name, arm),
         q0=start.q,
         v0=start.v,

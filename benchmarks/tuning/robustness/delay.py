@@ -73,7 +73,7 @@ def _meet(place: str, plant: str, ratio: float, mass: float, sensor: Any, seed: 
             pushed.law(arm, impedance, reaching),
             true_arm,
             trajectory,
-            wrench=wall,
+            environment=wall,
             sensor=sensor,
             q0=start.q,
             v0=start.v,

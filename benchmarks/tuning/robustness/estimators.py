@@ -53,7 +53,7 @@ def estimate(lack: str, seed: int) -> Figures:
     swing = trajectories.cosine(arm, center=pose, amplitude=0.2, period=4.0)
     controller = law(arm, rbi.Impedance(*WANTED), recipe(arm, [arm, plant], pose, seed))
     result = simulate(
-        controller, plant, swing, wrench=truth, q0=swing(0.0).q, duration=5.0, integrator="rk4"
+        controller, plant, swing, environment=truth, q0=swing(0.0).q, duration=5.0, integrator="rk4"
     )
     rng = np.random.default_rng((seed, LACKS.index(lack)))
     noisy = dataclasses.replace(result, v=result.v + 1e-3 * rng.standard_normal(result.v.shape))

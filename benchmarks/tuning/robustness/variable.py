@@ -54,7 +54,7 @@ def change(ramp: float, seed: int) -> Figures:
         Scheduled(controllers),
         arm,
         trajectories.hold(arm, pose),
-        wrench=rbi.FrameWrench([0.0, 0.0, 20.0, 0.0, 0.0, 0.0]),
+        environment=rbi.FrameWrench([0.0, 0.0, 20.0, 0.0, 0.0, 0.0]),
         q0=pose,
         duration=5.0,
     )

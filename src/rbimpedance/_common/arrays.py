@@ -106,6 +106,21 @@ def per_joint(name: str, value: Array, nv: int) -> Array:
     return np.broadcast_to(value, (nv,))
 
 
+def check_gains(owner: object, nv: int, **gains: Array) -> None:
+    """Check that every gain of an object is a scalar or has one number per joint.
+
+    Args:
+        owner: Whose they are.
+        nv: Number of joints.
+        **gains: The gains by name.
+
+    Raises:
+        DimensionError: One is for another number of joints.
+    """
+    for name, value in gains.items():
+        per_joint(f"{type(owner).__name__}.{name}", value, nv)
+
+
 def not_negative(name: str, value: ArrayLike, nv: int) -> Array:
     """Return numbers from 0 on, shape (nv,).
 

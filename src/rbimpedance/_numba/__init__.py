@@ -2,3 +2,14 @@
 
 May use: `_common`. Numba is imported here and in the `compiled` packages only, and only when a kernel is asked for.
 """
+
+from __future__ import annotations
+
+import functools
+import logging
+
+
+@functools.cache
+def warn_once(sentence: str) -> None:
+    """Log a warning about compiled code, unless the same has been logged before."""
+    logging.getLogger("rbimpedance").warning(sentence)

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 from numba import njit, types
 from numba.core.caching import FunctionCache
 
-from .notices import say_once
+from . import warn_once
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -63,7 +63,7 @@ def kernel(
     try:
         dispatcher._cache = _PackageCache(function)
     except RuntimeError:
-        say_once(
+        warn_once(
             "compiling in every process anew, since no folder can be written to; set NUMBA_CACHE_DIR"
         )
     dispatcher.compile(returns(*arguments))
@@ -102,5 +102,5 @@ class _PackageCache(FunctionCache):  # type: ignore[misc]
 @functools.cache
 def _sources() -> str:
     package = Path(__file__).parents[1]
-    files = sorted([*package.glob("_numba/*.py"), *package.glob("*/compiled/*.py")])
+    files = sorted([*package.glob("_numba/**/*.py"), *package.glob("*/compiled/*.py")])
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()

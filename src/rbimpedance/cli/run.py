@@ -117,7 +117,7 @@ def run(
     checkpoint.remove()
     files = [*draw(result, _FIGURES, output.out), output.out / "result.npz"]
     if output.html is not None:
-        files.append(result.save_html(output.html, wrench=environment))
+        files.append(result.save_html(output.html, environment=environment))
     _end(output, title, [finding.words for finding in result.verdict().findings], result, files)
 
 
@@ -134,7 +134,7 @@ def _simulate(
         sample.wrap(controller),
         sample.plant,
         trajectory,
-        wrench=acting.environment(),
+        environment=acting.environment(),
         q0=task.motion.start_of(task.arm, trajectory),
         duration=task.motion.duration,
         substeps=acting.substeps,

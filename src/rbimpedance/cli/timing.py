@@ -140,12 +140,10 @@ def simulate_timer(arm: ArmModel, backend: Backend) -> Timer:
 
     Args:
         arm: Controller's model and plant.
-        backend: Of controller and simulation.
+        backend: Of the controller.
     """
     made, trajectory = controller(arm, backend), motion(arm)
-    return _run_timer(
-        partial(simulate, made, arm, trajectory, q0=trajectory(0.0).q, substeps=1, backend=backend)
-    )
+    return _run_timer(partial(simulate, made, arm, trajectory, q0=trajectory(0.0).q, substeps=1))
 
 
 def batch_timer(arm: ArmModel, worlds: Sequence[ArmModel], threads: int) -> Timer:

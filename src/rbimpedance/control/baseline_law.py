@@ -40,7 +40,7 @@ class BaselineState(NamedTuple):
     v_e_before: Array
 
 
-class Answer(NamedTuple):
+class BaselineTorque(NamedTuple):
     """What a law makes of a tick: torque, sliding variable, acceleration added to a_r."""
 
     tau: Array
@@ -137,7 +137,7 @@ class MemorylessBaseline(Baseline, ABC):
         return None
 
     @abstractmethod
-    def _law(self, tick: Tracking) -> Answer:
+    def _law(self, tick: Tracking) -> BaselineTorque:
         """The control law."""
 
     def init(self) -> BaselineState:
@@ -204,7 +204,9 @@ class MemorylessBaseline(Baseline, ABC):
         return self._filter_at(now)
 
 
-def baseline_output(tick: Tracking, answer: Answer, q_e: Array, v_e: Array) -> ControllerOutput:
+def baseline_output(
+    tick: Tracking, answer: BaselineTorque, q_e: Array, v_e: Array
+) -> ControllerOutput:
     """Return the output of a tick without limits: every flag is False.
 
     Args:

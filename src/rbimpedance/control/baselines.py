@@ -22,7 +22,7 @@ from ..exceptions import ParameterError
 from ..law.impedance import TargetImpedance
 from ..robot.arm_model import ArmModel
 from ..robot.knowledge import Knowledge, model_torque
-from .baseline_law import Answer, MemorylessBaseline
+from .baseline_law import BaselineTorque, MemorylessBaseline
 from .errors import Tracking
 from .pid import PIDImpedance as PIDImpedance  # noqa: PLC0414 (part of this module's interface)
 
@@ -55,12 +55,12 @@ class ComputedTorqueImpedance(MemorylessBaseline):
         Systems, Measurement, and Control 107, 1985.
     """
 
-    def _law(self, tick: Tracking) -> Answer:
+    def _law(self, tick: Tracking) -> BaselineTorque:
         q_d, v_d, a_d = tick.desired
         deviation = self.arm.raw_dynamics.difference(q_d, tick.q)
         a = a_d + self._filter.acceleration(deviation, tick.v - v_d, tick.tau_ext)  # eq. (2)
         tau = model_torque(self.arm, self.model, tick.q, tick.v, a) - tick.tau_ext
-        return Answer(tau, np.zeros_like(a), a - tick.a_r)
+        return BaselineTorque(tau, np.zeros_like(a), a - tick.a_r)
 
 
 @brief_repr()
@@ -85,12 +85,12 @@ class PDGravity(MemorylessBaseline):
         DimensionError: A gain is given for another number of joints.
     """
 
-    def _law(self, tick: Tracking) -> Answer:
+    def _law(self, tick: Tracking) -> BaselineTorque:
         zero = np.zeros_like(tick.v)
         tau = self._spring_damper(tick)
         if self.model == "full":
             tau = tau + self.arm.raw_dynamics.bias(tick.q, zero)
-        return Answer(tau, zero, zero.copy())
+        return BaselineTorque(tau, zero, zero.copy())
 
 
 @brief_repr()
@@ -117,11 +117,11 @@ class PDPlus(MemorylessBaseline):
         International Journal of Control 47, 1988.
     """
 
-    def _law(self, tick: Tracking) -> Answer:
+    def _law(self, tick: Tracking) -> BaselineTorque:
         zero = np.zeros_like(tick.v)
         _, v_d, a_d = tick.desired
         feedforward = self._passive_torque(tick.q, tick.v, v_d, a_d)
-        return Answer(feedforward + self._spring_damper(tick), zero, zero.copy())
+        return BaselineTorque(feedforward + self._spring_damper(tick), zero, zero.copy())
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -186,7 +186,7 @@ class FirstOrderSlidingMode(MemorylessBaseline):
             width=None if width is None else _joint_gain("width", width, arm.nv),
         )
 
-    def _law(self, tick: Tracking) -> Answer:
+    def _law(self, tick: Tracking) -> BaselineTorque:
         rate = self.surface_rate
         s = tick.e2 + rate * tick.e1
         u = self.gain * self._switch(s)
@@ -194,7 +194,7 @@ class FirstOrderSlidingMode(MemorylessBaseline):
             model_torque(self.arm, self.model, tick.q, tick.v, tick.a_r + rate * tick.e2 + u)
             - tick.tau_ext
         )
-        return Answer(tau, s, u)
+        return BaselineTorque(tau, s, u)
 
     def _switch(self, s: Array) -> Array:
         if self.width is None:
@@ -252,12 +252,12 @@ class SlotineLi(MemorylessBaseline):
             gain=_joint_gain("gain", gain, arm.nv),
         )
 
-    def _law(self, tick: Tracking) -> Answer:
+    def _law(self, tick: Tracking) -> BaselineTorque:
         v_s = tick.v_r + self.surface_rate * tick.e1
         a_s = tick.a_r + self.surface_rate * tick.e2
         s = v_s - tick.v
         tau = self._passive_torque(tick.q, tick.v, v_s, a_s) + self.gain * s - tick.tau_ext
-        return Answer(tau, s, np.zeros_like(s))
+        return BaselineTorque(tau, s, np.zeros_like(s))
 
 
 def _joint_gain(name: str, value: ArrayLike, nv: int) -> Array:

@@ -4,33 +4,31 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, per_joint, positive_number
+from .._common.arrays import Array, positive_number
 from .._common.brief import brief_repr
 from .._common.deprecation import renamed_arguments, renamed_attribute
 from .._common.frozen import set_fields
-from ..exceptions import ParameterError
-from ..law.bounded_surface import clipped
 from ..law.impedance import TargetFilter, TargetImpedance
-from ..law.limits import Allocation, Limits, as_limits
-from ..law.super_twisting import ReachingState, SuperTwisting
+from ..law.limits import Limits, as_limits
+from ..law.super_twisting import SuperTwisting
 from ..law.surfaces import Surface
 from ..robot.arm_model import ArmModel
-from ..robot.knowledge import Knowledge, as_knowledge, model_torque
+from ..robot.knowledge import Knowledge, as_knowledge
 from ..trajectories import Reference
-from .compiled.selection import compiled_tick
+from .backends import tick_form
 from .default_gains import default_impedance, default_law
-from .errors import check_measurements, track
-from .protocol import Backend, Step, Tick, checked_period
+from .errors import check_measurements
+from .protocol import Backend, checked_period
 from .realtime import RealtimeController
 from .telemetry import ControllerOutput as ControllerOutput  # noqa: PLC0414 (part of this module's interface)
 from .telemetry import ControllerState as ControllerState  # noqa: PLC0414 (part of this module's interface)
 from .telemetry import Situation as Situation  # noqa: PLC0414 (part of this module's interface)
-from .telemetry import flags
+from .tick import ControlLaw, Step, TickForm, numpy_tick
 
 
 @brief_repr("arm", "dt", "backend", "impedance", "surface", "reaching", "limits")
@@ -63,9 +61,10 @@ class ImpedanceController:
         model: "full"; or "inertia" for the controller of the paper's section 4, which knows M(q) only.
         limits: `Limits`, or an array-like of torque limits; None for none. The arm's own `effort_limit` is not used
             unless it is given here.
-        backend: "pinocchio" for Pinocchio's algorithms with the law compiled around them; "compiled" for algorithms
-            compiled as well, equal to rounding (docs/realtime.md). NumPy does what cannot be compiled; the logger
-            "rbimpedance" says so, once.
+        backend: "numpy" for the readable form, which specifies the others; "pinocchio" for Pinocchio's algorithms with
+            the law compiled around them; "compiled" for algorithms compiled as well. All are equal to rounding
+            (docs/how-a-tick-runs.md), and `simulate` follows the choice. NumPy does what cannot be compiled; the
+            logger "rbimpedance" says so, once.
 
     Raises:
         ParameterError: dt is not a positive number, an unknown `model` or `backend`, a limit that is not positive, or
@@ -83,8 +82,9 @@ class ImpedanceController:
     limits: Limits | None
     backend: Backend
     _filter: TargetFilter
-    _tick: Tick | None
-    _compiled: Step | None
+    _law: ControlLaw
+    _form: TickForm
+    _step: Step
     _own: Any
 
     @renamed_arguments(knowledge="model")
@@ -101,17 +101,15 @@ class ImpedanceController:
         backend: Backend = "pinocchio",
     ) -> None:
         dt = positive_number("dt", dt, "control period in seconds")
-        _check_backend(backend)
         limits, model = as_limits(limits), as_knowledge(model)
         impedance = default_impedance(arm) if impedance is None else impedance
         if surface is None or reaching is None:
             law = default_law(arm, dt, model, surface)
             surface = law.surface
             arm, reaching = (arm, reaching) if reaching is not None else (law.arm, law.reaching)
-        for owner in (surface, getattr(surface, "surface", None), reaching, limits):
-            for name, value in vars(owner).items() if owner is not None else ():
-                if isinstance(value, np.ndarray):
-                    per_joint(f"{type(owner).__name__}.{name}", value, arm.nv)
+        for part in (surface, reaching, limits):
+            if part is not None:
+                part.check(arm.nv)
         set_fields(
             self,
             arm=arm,
@@ -124,32 +122,35 @@ class ImpedanceController:
             backend=backend,
             _filter=impedance.filter(arm.nv, dt),
         )
-        self._compile()
+        self._choose_form()
+
+    def _choose_form(self) -> None:
+        law = ControlLaw(
+            self.arm, self._filter, self.surface, self.reaching, self.dt, self.model, self.limits
+        )
+        form = tick_form(self.backend, law)  # "numpy", "pinocchio" or "compiled"
+        step, own = form.step
+        set_fields(self, _law=law, _form=form, _step=step, _own=own)
 
     def __getstate__(self) -> dict[str, Any]:
-        made_anew = "_tick", "_compiled", "_own"
+        made_anew = "_law", "_form", "_step", "_own"
         return {name: value for name, value in vars(self).items() if name not in made_anew}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         set_fields(self, **state)
-        self._compile()
+        self._choose_form()
 
     def warm_up(self) -> None:
         """Take one tick and forget it, so that the first one of a run is no slower than the rest.
 
         Everything is compiled, or loaded from the disk, when the controller is made.
         """
-        if self._compiled is not None:
-            zero, q = np.zeros(self.arm.nv), self.arm.neutral
-            self.step(self.init(), q, zero, Reference(q, zero, zero), zero)
+        zero, q = np.zeros(self.arm.nv), self.arm.neutral
+        self.step(self.init(), q, zero, Reference(q, zero, zero), zero)
 
     def init(self) -> ControllerState:
         """Return the state before the first tick: filter at rest, integral zero."""
-        if self._tick is not None:
-            return self._tick.init()
-        zero = np.zeros(self.arm.nv)
-        zero.setflags(write=False)
-        return ControllerState(0, *[zero] * (len(ControllerState._fields) - 1))
+        return self._form.init()
 
     def step(
         self,
@@ -180,11 +181,9 @@ class ImpedanceController:
         """
         if period is not None:
             state = self.elapsed(state, period)
-        if self._compiled is None:
-            return self._specified_step(state, q, v, reference, tau_ext)
         answer: tuple[ControllerOutput, ControllerState] | None
         try:
-            answer = self._compiled(self._own, state, q, v, reference, tau_ext)
+            answer = self._step(self._own, state, q, v, reference, tau_ext)
         except (TypeError, ValueError):  # not plain vectors
             answer = None
         if answer is None:
@@ -197,7 +196,7 @@ class ImpedanceController:
         Args:
             state: State to begin with; `init()` by default.
         """
-        return RealtimeController(self, self._tick, state)
+        return RealtimeController(self, self._form, state)
 
     def elapsed(self, state: ControllerState, period: float) -> ControllerState:
         """Return the state at a tick that comes a measured time after the one before, instead of dt after it.
@@ -260,15 +259,32 @@ class ImpedanceController:
         Raises:
             DimensionError: It is for another number of joints.
         """
+        return self._with(impedance=impedance)
+
+    def with_backend(self, backend: Backend) -> ImpedanceController:
+        """Return the same controller computed by another backend.
+
+        Args:
+            backend: "numpy", "pinocchio" or "compiled".
+
+        Raises:
+            ParameterError: An unknown backend.
+            ModelError: The compiled dynamics of the arm are not Pinocchio's.
+        """
+        return self._with(backend=backend)
+
+    def _with(
+        self, impedance: TargetImpedance | None = None, backend: Backend | None = None
+    ) -> ImpedanceController:
         return ImpedanceController(
             self.arm,
-            impedance,
+            impedance or self.impedance,
             self.surface,
             self.reaching,
             self.dt,
             model=self.model,
             limits=self.limits,
-            backend=self.backend,
+            backend=backend or self.backend,
         )
 
     def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
@@ -283,20 +299,6 @@ class ImpedanceController:
         e1, e2, e3 = output.e1, output.e2, output.a_r - a
         return self._filter.error(e1, e2, e3, output.q_e, output.v_e)
 
-    def _compile(self) -> None:
-        tick = compiled_tick(
-            self.arm,
-            self._filter,
-            self.surface,
-            self.reaching,
-            self.dt,
-            model=self.model,
-            limits=self.limits,
-            backend=self.backend,
-        )
-        step, own = (None, None) if tick is None else tick.step
-        set_fields(self, _tick=tick, _compiled=step, _own=own)
-
     def _checked_step(
         self,
         state: ControllerState,
@@ -305,92 +307,12 @@ class ImpedanceController:
         reference: Reference,
         tau_ext: ArrayLike,
     ) -> tuple[ControllerOutput, ControllerState]:
-        """The compiled tick for inputs that it has refused: an error, or another try with plain vectors."""
+        """The tick for inputs that its form has refused: an error, or another try with plain vectors."""
         given = check_measurements(self.arm, q, v, reference, tau_ext)
-        answer = None
-        if self._tick is not None and self._compiled is not None:
-            with contextlib.suppress(TypeError):  # not aligned in memory
-                answer = self._compiled(self._own, self._tick.pack(state), *given)
-        return self._specified_step(state, *given) if answer is None else answer
-
-    def _specified_step(
-        self,
-        state: ControllerState,
-        q: ArrayLike,
-        v: ArrayLike,
-        reference: Reference,
-        tau_ext: ArrayLike,
-    ) -> tuple[ControllerOutput, ControllerState]:
-        """The tick in NumPy, which specifies what the compiled one computes."""
-        tick = track(
-            self.arm,
-            self._filter,
-            state.q_e,
-            state.v_e,
-            q=q,
-            v=v,
-            reference=reference,
-            tau_ext=tau_ext,
-        )
-        e1, e2, a_r = tick.e1, tick.e2, tick.a_r
-
-        s = self.surface.value(e1, e2)  # eq. (6)
-        reaching = self._reaching_state(state, s)
-        u, following = self.reaching.step(s, reaching, self.dt)
-        gain = self.surface.zoh_gain(e1, self.dt)
-        a = a_r + (self.surface.feedforward(e1, e2) + u) / gain
-        tau = model_torque(self.arm, self.model, tick.q, tick.v, a) - tick.tau_ext  # eq. (8)
-        allocation = self._allocate(state, tick.q, tau)
-        unrealised_u = gain * allocation.acceleration_deficit
-        following = self.reaching.anti_windup(reaching, following, unrealised_u, self.dt)
-
-        q_e, v_e = self._filter.advance(state.q_e, state.v_e, tick.tau_ext)
-        output = ControllerOutput(
-            allocation.tau,
-            *(tick.q_r, tick.v_r, a_r, e1, e2, s),
-            u=u - unrealised_u,
-            q_e=state.q_e.copy(),
-            v_e=state.v_e.copy(),
-            premise_holds=unrealised_u == 0.0,
-            **flags(
-                len(e1),
-                saturated=allocation.saturated,
-                rate_limited=allocation.rate_limited,
-                clipped=clipped(self.surface, e1),
-            ),
-        )
-        return output, ControllerState(
-            state.ticks + 1,
-            q_e,
-            v_e,
-            *following,
-            tau=output.tau.copy(),
-            tau_ext=np.array(tick.tau_ext),
-            q_e_before=state.q_e,
-            v_e_before=state.v_e,
-            z_before=reaching.z,
-        )
-
-    def _reaching_state(self, state: ControllerState, s: Array) -> ReachingState:
-        if state.ticks == 0:
-            return self.reaching.start(s)
-        return ReachingState(state.z, state.x, state.a)
-
-    def _allocate(self, state: ControllerState, q: Array, tau: Array) -> Allocation:
-        if self.limits is None:
-            none = np.zeros(tau.shape, dtype=np.bool_)
-            return Allocation(tau, none, none.copy(), np.zeros_like(tau))
-        return self.limits.allocate(
-            tau,
-            lambda: self.arm.raw_dynamics.mass_matrix(q),
-            before=state.tau if state.ticks else None,
-            dt=self.dt,
-        )
+        answer: tuple[ControllerOutput, ControllerState] | None = None
+        with contextlib.suppress(TypeError):  # not aligned in memory
+            answer = self._step(self._own, self._form.pack(state), *given)
+        return numpy_tick(self._law, state, *given) if answer is None else answer
 
     knowledge = renamed_attribute("knowledge", "model")
     lean = renamed_attribute("lean", "realtime")
-
-
-def _check_backend(backend: str) -> None:
-    if backend not in get_args(Backend):
-        raise ParameterError("backend", backend, '"pinocchio" or "compiled"')

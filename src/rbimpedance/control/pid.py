@@ -15,7 +15,7 @@ from ..law.limits import Limits, as_limits
 from ..robot.arm_model import ArmModel
 from ..robot.knowledge import Knowledge, model_torque
 from ..trajectories import Reference
-from .baseline_law import Answer, Baseline, BaselineState, baseline_output
+from .baseline_law import Baseline, BaselineState, BaselineTorque, baseline_output
 from .errors import track
 from .protocol import checked_period
 from .telemetry import ControllerOutput, Situation
@@ -135,7 +135,7 @@ class PIDImpedance(Baseline):
         )
         deficit = allocation.acceleration_deficit
         grows = deficit * tick.e1 <= 0.0  # clamping: not towards what the limit refuses
-        answer = Answer(allocation.tau, np.zeros_like(u), u - deficit)
+        answer = BaselineTorque(allocation.tau, np.zeros_like(u), u - deficit)
         output = baseline_output(tick, answer, q_e, v_e)._replace(
             saturated=allocation.saturated, rate_limited=allocation.rate_limited
         )

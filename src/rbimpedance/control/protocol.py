@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, Literal, Protocol, TypeAlias, TypeVar
+from typing import Literal, Protocol, TypeVar
 
 from numpy.typing import ArrayLike
 
@@ -13,10 +12,10 @@ from ..law.impedance import TargetImpedance
 from ..law.limits import Limits
 from ..robot.arm_model import ArmModel
 from ..trajectories import Reference
-from .telemetry import ControllerOutput, ControllerState, Situation
+from .telemetry import ControllerOutput, Situation
 
-Backend = Literal["pinocchio", "compiled"]
-"""Whose algorithms compute the dynamics: Pinocchio's, or the same as compiled code."""
+Backend = Literal["numpy", "pinocchio", "compiled"]
+"""Who computes a tick: NumPy, the specification; compiled code around Pinocchio's algorithms; compiled code alone."""
 
 StateT = TypeVar("StateT")
 
@@ -75,36 +74,6 @@ class WrappableController(Controller[StateT], Protocol[StateT]):
 
     def handover(self, state: StateT, now: Situation) -> StateT:
         """Return the state with which the controller takes the arm over as it is now, without a jump."""
-
-
-Step: TypeAlias = Callable[[Any, Any, Any, Any, Reference, Any], Any]
-"""A tick: what it carries along, state, q, v, reference, tau_ext -> output and next state, None where an input is not
-sound. `TypeError` where one is not a plain vector of float64, or the state of a tick."""
-
-
-class Tick(Protocol):
-    """A compiled tick.
-
-    Attributes:
-        step: The tick, and what it carries along.
-    """
-
-    step: tuple[Step, Any]
-
-    def init(self) -> ControllerState:
-        """Return the state before the first tick."""
-
-    def pack(self, state: ControllerState) -> ControllerState:
-        """Return a state in the form that `step` takes."""
-
-    def block(self, state: ControllerState) -> Array:
-        """Return a state in the form that a `ticker` takes, and writes to."""
-
-    def state(self, block: Array) -> ControllerState:
-        """Return the state that is in such a block."""
-
-    def ticker(self, tau: Array) -> tuple[Step, Any]:
-        """Return the tick that writes to tau, and the next state over the one before, and answers True."""
 
 
 def checked_period(period: float, dt: float) -> float:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array
 from .._common.brief import brief_repr
 from ..trajectories import Reference
-from .protocol import Step, Tick, WrappableController
+from .protocol import WrappableController
 from .telemetry import ControllerState, Situation
+from .tick import TickForm
 
 
 @brief_repr("controller")
@@ -28,34 +27,27 @@ class RealtimeController:
 
     Args:
         controller: The controller.
-        compiled: Its compiled tick, None where there is none.
+        form: How it computes a tick.
         state: State to begin with; `controller.init()` by default.
     """
 
-    __slots__ = ("_compiled", "_memory", "_own", "_tick", "controller", "tau")
+    __slots__ = ("_form", "_memory", "_own", "_tick", "controller", "tau")
 
     def __init__(
         self,
         controller: WrappableController[ControllerState],
-        compiled: Tick | None,
+        form: TickForm,
         state: ControllerState | None = None,
     ) -> None:
         self.controller, self.tau = controller, np.zeros(controller.arm.nv)
-        self._compiled = compiled
-        self._tick: Step = _refuse
-        self._own: Any = None
-        self._memory: Any = None
-        if compiled is not None:
-            self._tick, self._own = compiled.ticker(self.tau)
+        self._form = form
+        self._tick, self._own = form.in_place(self.tau)
         self.reset(state)
 
     @property
     def state(self) -> ControllerState:
         """State for the next tick."""
-        if self._compiled is not None:
-            return self._compiled.state(self._memory)
-        state: ControllerState = self._memory
-        return state
+        return self._form.state(self._memory)
 
     def reset(self, state: ControllerState | None = None) -> None:
         """Go on from another state.
@@ -64,7 +56,7 @@ class RealtimeController:
             state: The state; `controller.init()` by default.
         """
         state = self.controller.init() if state is None else state
-        self._memory = state if self._compiled is None else self._compiled.block(state)
+        self._memory = self._form.memory(state)
 
     def handover(self, now: Situation) -> None:
         """Take the arm over as it is now; see `ImpedanceController.handover`.
@@ -108,8 +100,3 @@ class RealtimeController:
         self.tau[:] = output.tau
         self.reset(state)
         return self.tau
-
-
-def _refuse(*given: Any) -> None:
-    """The tick where nothing is compiled."""
-    del given

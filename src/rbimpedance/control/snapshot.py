@@ -20,6 +20,7 @@ from .._common.arrays import is_finite
 from .._common.files import whole_file
 from ..exceptions import RBImpedanceError
 from ..robot.arm_model import ArmModel
+from .compiled.block import Packed
 from .guards.faults import Fault
 from .protocol import Controller, StateT
 from .provenance import provenance
@@ -175,19 +176,25 @@ def _checksum(body: str) -> str:
 def _kinds(template: Any) -> Iterator[type]:
     """The classes of all named tuples that a state may hold; one of a guard may say why it is active."""
     yield Fault
+    template = _plain(template)
     if isinstance(template, tuple):
         if hasattr(template, "_fields"):
-            yield template.__class__  # not type(): the compiled tick's state says what it stands for
+            yield type(template)
         for item in template:
             yield from _kinds(item)
 
 
+def _plain(state: Any) -> Any:
+    return state.unpacked() if isinstance(state, Packed) else state
+
+
 def _encoded(value: Any, kinds: set[str]) -> Any:
+    value = _plain(value)
     if isinstance(value, tuple):
         items = [_encoded(item, kinds) for item in value]
         if not hasattr(value, "_fields"):
             return {"tuple": items}
-        name = value.__class__.__name__
+        name = type(value).__name__
         if name not in kinds:
             raise SnapshotError(f"a state with a {name} in it cannot be kept")
         return {"named": name, "items": items}
@@ -226,10 +233,11 @@ def _decoded(data: Any, kinds: Mapping[str, Any]) -> Any:
 
 def _is_alike(state: Any, template: Any) -> bool:
     """Tell whether a state has the kinds of a template, and arrays of the same shape where that has arrays."""
+    state, template = _plain(state), _plain(template)
     if isinstance(template, np.ndarray):
         return isinstance(state, np.ndarray) and state.shape == template.shape
     if isinstance(template, tuple) and hasattr(template, "_fields"):
-        is_kind = isinstance(state, tuple) and state.__class__ is template.__class__
+        is_kind = isinstance(state, tuple) and type(state) is type(template)
         return is_kind and all(_is_alike(*pair) for pair in zip(state, template, strict=True))
     if isinstance(template, tuple) and template:  # an empty one may become any
         is_kind = isinstance(state, tuple) and len(state) == len(template)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, BoolArray, positive
+from .._common.arrays import Array, BoolArray, check_gains, positive
 from .._common.brief import brief_repr
 from .._common.deprecation import renamed_arguments, renamed_attribute
 from .._common.frozen import set_fields
@@ -41,6 +41,15 @@ class BoundedSurface:
         if isinstance(surface, BoundedSurface):
             raise ParameterError("surface", surface, "a surface that is not bounded already")
         set_fields(self, surface=surface, max_error=positive("max_error", max_error))
+
+    def check(self, nv: int) -> None:
+        """Check that the bound and the surface's gains are for nv joints.
+
+        Raises:
+            DimensionError: One is not.
+        """
+        check_gains(self, nv, max_error=self.max_error)
+        self.surface.check(nv)
 
     def clipped(self, e1: Array) -> BoolArray:
         """Where the bound acts, shape (nv,), bool.

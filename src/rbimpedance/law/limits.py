@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, BoolArray
+from .._common.arrays import Array, BoolArray, check_gains
 from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
@@ -59,6 +59,14 @@ class Limits:
             effort=_positive_or_infinite("effort", effort),
             rate=_positive_or_infinite("rate", rate),
         )
+
+    def check(self, nv: int) -> None:
+        """Check that the limits are for nv joints.
+
+        Raises:
+            DimensionError: One is not.
+        """
+        check_gains(self, nv, effort=self.effort, rate=self.rate)
 
     def allocate(
         self,

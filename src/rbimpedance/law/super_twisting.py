@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, gain, positive
+from .._common.arrays import Array, check_gains, gain, positive
 from .._common.brief import brief_repr
 from .._common.deprecation import renamed_attribute
 from .._common.frozen import set_fields
@@ -88,6 +88,14 @@ class SuperTwisting:
                 "margin", margin, f"1 with the {scheme!r} scheme; only 'matched' has a margin"
             )
         set_fields(self, k1=positive("k1", k1), k2=positive("k2", k2), scheme=scheme, margin=margin)
+
+    def check(self, nv: int) -> None:
+        """Check that the gains are for nv joints.
+
+        Raises:
+            DimensionError: One is not.
+        """
+        check_gains(self, nv, k1=self.k1, k2=self.k2, margin=self.margin)
 
     def start(self, s: Array) -> ReachingState:
         """Return the state before the first tick.

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, gain, positive
+from .._common.arrays import Array, check_gains, gain, positive
 from .._common.brief import brief_repr
 from .._common.deprecation import renamed_attribute
 from .._common.frozen import set_fields
@@ -26,6 +26,9 @@ def sig(x: Array, p: Array | float) -> Array:
 
 class Surface(Protocol):
     """What the controller and the certificate need of a sliding surface."""
+
+    def check(self, nv: int) -> None:
+        """Check that the gains are for nv joints; a `DimensionError` says which is not."""
 
     def value(self, e1: Array, e2: Array) -> Array:
         """Sliding variable s, shape (nv,)."""
@@ -73,6 +76,14 @@ class PowerSurface:
             gamma=positive("gamma", gamma),
             exponent=_strictly_between("exponent", exponent, 1.0, 2.0),
         )
+
+    def check(self, nv: int) -> None:
+        """Check that the gains are for nv joints.
+
+        Raises:
+            DimensionError: One is not.
+        """
+        check_gains(self, nv, gamma=self.gamma, exponent=self.exponent)
 
     def value(self, e1: Array, e2: Array) -> Array:
         """Sliding variable (paper, eq. 6), shape (nv,) [rad/s or m/s].
@@ -179,6 +190,21 @@ class FastTerminalSurface:
             gamma=positive("gamma", gamma),
             exponent=_strictly_between("exponent", exponent, 0.5, 1.0),
             smoothing=positive("smoothing", smoothing),
+        )
+
+    def check(self, nv: int) -> None:
+        """Check that the gains are for nv joints.
+
+        Raises:
+            DimensionError: One is not.
+        """
+        check_gains(
+            self,
+            nv,
+            rate=self.rate,
+            gamma=self.gamma,
+            exponent=self.exponent,
+            smoothing=self.smoothing,
         )
 
     def value(self, e1: Array, e2: Array) -> Array:
@@ -308,6 +334,14 @@ class NonsingularTerminalSurface:
             beta=positive("beta", beta),
             exponent=_strictly_between("exponent", exponent, 1.0, 2.0),
         )
+
+    def check(self, nv: int) -> None:
+        """Check that the gains are for nv joints.
+
+        Raises:
+            DimensionError: One is not.
+        """
+        check_gains(self, nv, beta=self.beta, exponent=self.exponent)
 
     def value(self, e1: Array, e2: Array) -> Array:
         """Sliding variable, shape (nv,) [rad or m].

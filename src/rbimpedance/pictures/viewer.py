@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, positive_number
+from .._common.deprecation import renamed_arguments
 from ..exceptions import ModelError, RBImpedanceError
 from ..interaction import EnvironmentLike, FrameInteraction, Interaction, as_interaction
 from ..robot.arm_model import ArmModel
@@ -97,27 +98,28 @@ class Viewer:
             warnings.warn(f"no browser with windows here; {self.url} shows the page", stacklevel=2)
         return self
 
+    @renamed_arguments(wrench="environment")
     def display(
         self,
         q: ArrayLike,
         *,
         q_r: ArrayLike | None = None,
-        wrench: EnvironmentLike | None = None,
+        environment: EnvironmentLike | None = None,
     ) -> None:
         """Show another configuration; it does not wait for the browsers.
 
         Args:
             q: Configuration, shape (nq,).
             q_r: Configuration of the reference, shape (nq,), drawn as a ghost.
-            wrench: Wrench on the tool, shape (6,), or any `Interaction` that acts at frames, drawn as arrows.
+            environment: Any `Interaction` that acts at frames, or a wrench on the tool, shape (6,), drawn as arrows.
 
         Raises:
             DimensionError: Wrong shape or kind.
             NonFiniteError: An input holds NaN or infinity.
         """
-        frame = _still(self.arm, q, q_r, wrench)
+        frame = _still(self.arm, q, q_r, environment)
         before, self._frames = self._frames, [frame]
-        self._settings |= {"surfaces": _surfaces(self._settings["surfaces"], wrench)}
+        self._settings |= {"surfaces": _surfaces(self._settings["surfaces"], environment)}
         if self._server is None:
             return
         if len(before) > 1 or _kind(before[0]) != _kind(frame):
@@ -177,12 +179,13 @@ class Viewer:
         )
 
 
+@renamed_arguments(wrench="environment")
 def view(
     robot: object,
     q: ArrayLike | None = None,
     *,
     q_r: ArrayLike | None = None,
-    wrench: EnvironmentLike | None = None,
+    environment: EnvironmentLike | None = None,
     open: bool = False,
     port: int = 0,
 ) -> Viewer:
@@ -192,8 +195,8 @@ def view(
         robot: The arm, or anything that `load_robot` takes.
         q: Configuration, shape (nq,); `arm.neutral` by default.
         q_r: Configuration of a reference, shape (nq,), drawn as a ghost.
-        wrench: Wrench on the tool, shape (6,), or any `Interaction` that acts at frames, drawn as arrows; walls are
-            drawn as surfaces.
+        environment: Any `Interaction` that acts at frames, or a wrench on the tool, shape (6,), drawn as arrows; walls
+            are drawn as surfaces.
         open: Open the system's browser.
         port: Port on 127.0.0.1 for the page; 0 for any that is free.
 
@@ -207,16 +210,17 @@ def view(
         ParameterError: With `open`: the port is not free.
     """
     arm = robot if isinstance(robot, ArmModel) else load_robot(robot)
-    frame = _still(arm, arm.neutral if q is None else q, q_r, wrench)
-    viewer = Viewer(arm, [frame], title=arm.name, surfaces=_surfaces((), wrench), port=port)
+    frame = _still(arm, arm.neutral if q is None else q, q_r, environment)
+    viewer = Viewer(arm, [frame], title=arm.name, surfaces=_surfaces((), environment), port=port)
     return viewer.open() if open else viewer
 
 
+@renamed_arguments(wrench="environment")
 def animate(
     result: SimulationResult,
     *,
     robot: object = None,
-    wrench: EnvironmentLike | None = None,
+    environment: EnvironmentLike | None = None,
     fps: float = 30.0,
     open: bool = False,
     port: int = 0,
@@ -227,8 +231,8 @@ def animate(
         result: The result.
         robot: The arm, or anything that `load_robot` takes. Without it, the simulated arm; a result from a file says
             which robot that was, where it had a name or a path.
-        wrench: What `simulate` was given: its wrenches are drawn where they act, its walls as surfaces. Without it,
-            the logged wrench at the tool, or where there is none the force or wrench that gives the logged tau_ext.
+        environment: What `simulate` was given: its wrenches are drawn where they act, its walls as surfaces. Without
+            it, the logged wrench at the tool, or where there is none the force or wrench that gives the logged tau_ext.
         fps: Frames per second of the run.
         open: Open the system's browser.
         port: Port on 127.0.0.1 for the page; 0 for any that is free.
@@ -246,15 +250,15 @@ def animate(
     count = min(max(round(span * rate), 1), MOST_FRAMES, len(result.t) - 1) + 1
     times = np.linspace(result.t[0], result.t[-1], count)
     samples = np.searchsorted(result.t, times - 1e-9).clip(max=len(result.t) - 1)
-    environment = None if wrench is None else as_interaction(wrench)
-    acting = result.tau_ext.any() if environment is None else True
-    frames = [_moment(arm, result, int(k), environment, has_force=bool(acting)) for k in samples]
+    pushes = None if environment is None else as_interaction(environment)
+    acting = result.tau_ext.any() if pushes is None else True
+    frames = [_moment(arm, result, int(k), pushes, has_force=bool(acting)) for k in samples]
     viewer = Viewer(
         arm,
         frames,
         title=arm.name,
         period=span / max(count - 1, 1),
-        surfaces=_surfaces((), environment),
+        surfaces=_surfaces((), pushes),
         port=port,
     )
     return viewer.open() if open else viewer
@@ -273,10 +277,10 @@ def _open_in_browser(url: str) -> bool:
 
 
 def _still(
-    arm: ArmModel, q: ArrayLike, q_r: ArrayLike | None, wrench: EnvironmentLike | None
+    arm: ArmModel, q: ArrayLike, q_r: ArrayLike | None, given: EnvironmentLike | None
 ) -> Frame:
     q = arm.check_configuration("q", q)
-    environment = None if wrench is None else as_interaction(wrench)
+    environment = None if given is None else as_interaction(given)
     return Frame(
         q=q,
         q_r=None if q_r is None else arm.check_configuration("q_r", q_r),

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, BoolArray
+from .._common.deprecation import renamed_arguments
 from ..control.protocol import Controller
 from ..exceptions import DimensionError, ParameterError
 from ..interaction import EnvironmentLike
@@ -66,12 +67,13 @@ class BatchResult:
         return self.channels[channel]
 
 
+@renamed_arguments(wrench="environment")
 def simulate_batch(
     controller: Controller[Any] | Sequence[Controller[Any]],
     plant: ArmModel | Plant[Any] | Sequence[ArmModel | Plant[Any]],
     trajectory: Trajectory | Sequence[Trajectory],
     *,
-    wrench: EnvironmentLike | Sequence[Any] | None = None,
+    environment: EnvironmentLike | Sequence[Any] | None = None,
     q0: ArrayLike | None = None,
     v0: ArrayLike | None = None,
     duration: float,
@@ -83,21 +85,22 @@ def simulate_batch(
     after: float = 0.0,
     threads: int | None = None,
 ) -> BatchResult:
-    """Run many closed loops, each equal to `simulate(..., backend="compiled")` to rounding, over all cores.
+    """Run many closed loops, each equal to that of `simulate` to rounding, over all cores.
 
     Every argument up to `v0` is either the same for all worlds, or a list with one for each: plants, controllers,
     trajectories, environments; arrays with one row more for q0, v0 and constant wrenches. A controller, a trajectory
     or an environment that several worlds share is prepared once.
 
     Memory grows with the worlds times the samples kept, `duration`/(dt·`every`), of the channels asked for; the figures
-    of merit are sums that are kept up to date, from every tick. The worlds run without the interpreter's lock. What has
-    no compiled form is run in Python, one world after the other; the logger "rbimpedance" says so, once.
+    of merit are sums that are kept up to date, from every tick. A world is one compiled function, without the
+    interpreter's lock, whether its controller's `backend` is "compiled" or "pinocchio"; with "numpy" it is run in
+    Python, as is what has no compiled form, one world after the other; the logger "rbimpedance" says the latter, once.
 
     Args:
         controller: Controllers, all of the same period, for the same number of joints.
         plant: Arms that are simulated.
         trajectory: Desired motions.
-        wrench: Environments; each as in `simulate`.
+        environment: Environments; each as in `simulate`.
         q0: Initial configurations, shape (nq,) or (N, nq); where each trajectory begins by default.
         v0: Initial velocities, shape (nv,) or (N, nv); at rest by default.
         duration: Length of the runs [s].
@@ -127,7 +130,7 @@ def simulate_batch(
         controller=_many(controller),
         plant=_many(plant),
         trajectory=_many(trajectory),
-        wrench=_many(wrench, _is_one_wrench),
+        environment=_many(environment, _is_one_wrench),
         q0=_many(q0, _is_one_vector),
         v0=_many(v0, _is_one_vector),
     )

@@ -13,15 +13,15 @@ import numpy as np
 from .._common.arrays import Array
 from ..exceptions import DivergenceError, ParameterError
 from .closed_loop import ClosedLoop, empty_channels, run
+from .compiled_runs import check_inputs, verified_world
 from .result import SETTLING_TOLERANCES
-from .rollout import check_inputs, verified_world
 from .sampling import sample, tick_times
 
 if TYPE_CHECKING:
     from ..trajectories import Reference
-    from .compiled.environment_tables import Drive
-    from .compiled.log import Figures
-    from .compiled.rollout import Controlled
+    from .compiled.environment import Drive
+    from .compiled.log import MetricSums
+    from .compiled.loop import Controlled
     from .compiled.world import World
 
 METRICS = (
@@ -47,7 +47,7 @@ class BatchLog:
     Attributes:
         every: Ticks from one sample to the next.
         channels: Samples by channel, shape (N, samples, nq or nv).
-        metrics: Figures of merit, each of shape (N, nv).
+        metrics: MetricSums of merit, each of shape (N, nv).
         q: Configuration at the end, shape (N, nq).
         v: Velocity at the end, shape (N, nv).
         divergence: Tick and joint of the worlds that diverged.
@@ -150,7 +150,7 @@ class _Threads:
 
         self.loops, self.worlds, self.log = loops, worlds, log
         self.unsound: list[int] = []
-        self.figures: dict[int, Figures] = {}
+        self.figures: dict[int, MetricSums] = {}
         if after is not None:
             first, tolerances = _first_tick(after, loops[0]), np.array(SETTLING_TOLERANCES)
             nv = loops[0].plant.nv

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from .._common.arrays import Array, BoolArray
-from .._common.deprecation import renamed_attribute
+from .._common.deprecation import renamed_arguments, renamed_attribute
 from .._common.leaf import leaf
 from ..control.telemetry import CHANNELS
 from ..exceptions import ModelError, ParameterError
@@ -212,11 +212,12 @@ class SimulationResult:
         settled: Array = np.where(outside.any(axis=0), times, self.t[0])
         return settled
 
+    @renamed_arguments(wrench="environment")
     def animate(
         self,
         *,
         robot: object = None,
-        wrench: EnvironmentLike | None = None,
+        environment: EnvironmentLike | None = None,
         fps: float = 30.0,
         open: bool = False,
         port: int = 0,
@@ -226,16 +227,17 @@ class SimulationResult:
         The same as `pictures.animate`, where the arguments and errors are described; it returns at once.
         """
         viewer: Animation = leaf("pictures.viewer").animate(
-            self, robot=robot, wrench=wrench, fps=fps, open=open, port=port
+            self, robot=robot, environment=environment, fps=fps, open=open, port=port
         )
         return viewer
 
+    @renamed_arguments(wrench="environment")
     def save_html(
         self,
         path: str | os.PathLike[str],
         *,
         robot: object = None,
-        wrench: EnvironmentLike | None = None,
+        environment: EnvironmentLike | None = None,
         fps: float = 30.0,
     ) -> Path:
         """Write the animation of `animate` as one HTML file that works offline.
@@ -243,7 +245,7 @@ class SimulationResult:
         Args:
             path: Where to.
             robot: See `pictures.animate`, as for the others.
-            wrench: What `simulate` was given.
+            environment: What `simulate` was given.
             fps: Frames per second of the run.
 
         Returns:
@@ -253,7 +255,7 @@ class SimulationResult:
             ModelError: The result does not say which robot it was, or the robot given has other joints.
             ParameterError: `fps` is not positive.
         """
-        return self.animate(robot=robot, wrench=wrench, fps=fps).save_html(path)
+        return self.animate(robot=robot, environment=environment, fps=fps).save_html(path)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the result as an npz file with units and provenance; the file appears whole or not at all.

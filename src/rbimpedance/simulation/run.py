@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any, get_args
+import functools
+from collections.abc import Callable, Iterable
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import positive_number, vector
+from .._common.deprecation import renamed_arguments, warn_renamed
+from ..control.controller import ImpedanceController
 from ..control.errors import check_reference
 from ..control.protocol import Backend, Controller
 from ..exceptions import ParameterError
@@ -17,27 +20,52 @@ from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory
 from .checkpoint import Checkpoint
 from .closed_loop import ClosedLoop, OnTick, run
-from .fused_run import run_fused
+from .compiled_runs import run_around_pinocchio, run_compiled
 from .joint_stops import JointStops
 from .plants import Plant
 from .plants.integrators import INTEGRATORS, Integrator
 from .result import SimulationResult
-from .rollout import run_compiled
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
+def _backend_of_the_controller(function: Callable[P, T]) -> Callable[P, T]:
+    """Let `simulate` take its former `backend`, which is the controller's now."""
+
+    @functools.wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> T:
+        given: dict[str, Any] = kwargs
+        backend: Any = given.pop("backend", None)
+        if backend is not None:
+            warn_renamed("backend= of simulate", "backend= of ImpedanceController")
+            parts: list[Any] = list(args)
+            controller = parts[0] if parts else given["controller"]
+            if isinstance(controller, ImpedanceController):
+                controller = controller.with_backend(backend)
+            if parts:
+                args = (controller, *parts[1:])  # type: ignore[assignment]
+            else:
+                given["controller"] = controller
+        return function(*args, **kwargs)
+
+    return call
+
+
+@renamed_arguments(wrench="environment")
+@_backend_of_the_controller
 def simulate(
     controller: Controller[Any],
     plant: ArmModel | Plant[Any],
     trajectory: Trajectory,
     *,
-    wrench: EnvironmentLike | None = None,
+    environment: EnvironmentLike | None = None,
     sensor: Sensor[Any] | None = None,
     q0: ArrayLike | None = None,
     v0: ArrayLike | None = None,
     duration: float,
     substeps: int = 4,
     integrator: Integrator = "semi-implicit",
-    backend: Backend = "pinocchio",
     joint_stops: bool | JointStops = False,
     on_tick: OnTick | None = None,
     checkpoint: Checkpoint | None = None,
@@ -47,12 +75,18 @@ def simulate(
     At t = k·dt the controller sees the plant's state and the torque of the environment, and its torque is then held
     for one period, in which the plant takes `substeps` steps; the environment acts at every one of them.
 
+    The loop is computed as the `backend` of an `ImpedanceController` says, with results equal to rounding: "numpy" by
+    Python, the specification; "pinocchio" by compiled code around Pinocchio's algorithms; "compiled" by one compiled
+    function (docs/how-a-tick-runs.md). The compiled loops take every `Interaction` of the library and no sensor, and
+    sample trajectory and functions of time ahead, some thousand steps at once. What has no compiled form, and every
+    other controller, is run in Python; where "compiled" was asked for, the logger "rbimpedance" says so, once.
+
     Args:
         controller: Any object with `arm`, `dt`, `init`, `step` and `impedance_error`.
         plant: The arm that is simulated; give it what the controller does not know. It is copied: controller and
             plant never share a model. Rigid links by Pinocchio's ABA; or another `Plant`, run in Python.
         trajectory: Desired motion as a function of time.
-        wrench: Environment: None, an `Interaction` (`FrameWrench`, `JointTorque`, ...), or a wrench (6,) at the tool
+        environment: None, an `Interaction` (`FrameWrench`, `JointTorque`, ...), or a wrench (6,) at the tool
             frame in world axes, constant or as a function of time.
         sensor: What tells the controller the environment's torque: late, filtered, or estimated without a force sensor.
             The truth by default. The result logs the truth; `replay_sensor` gives what was told.
@@ -61,11 +95,6 @@ def simulate(
         duration: Length of the run [s], a multiple of the control period.
         substeps: Physics steps per control period, a positive whole number.
         integrator: "semi-implicit" (Euler, first order) or "rk4" (fourth order); other plants have their own.
-        backend: Who computes the loop: Python around the controller and Pinocchio; or "compiled" for all of it as one
-            compiled function, equal to rounding (docs/realtime.md), for an `ImpedanceController` with any backend,
-            every `Interaction` of the library, and no sensor. Trajectory and functions of time are then sampled ahead,
-            some thousand steps at once. What has no compiled form is run in Python; the logger "rbimpedance" says so,
-            once.
         joint_stops: Whether the joints have stops at the plant's position limits: stiff springs with dampers, see
             `JointStops`, or stops of one's own. Without them a joint swings through its limit; `result.verdict()` says
             so. Such a run is done in Python.
@@ -78,18 +107,17 @@ def simulate(
 
     Raises:
         DivergenceError: A joint left every sensible range; carries time, joint and the result so far.
-        ParameterError: A duration that is no multiple of the period, a bad number of substeps, an unknown integrator or
-            backend, or a controller made for another number of joints.
+        ParameterError: A duration that is no multiple of the period, a bad number of substeps, an unknown integrator,
+            or a controller made for another number of joints.
         DimensionError: An input of wrong shape or kind.
         NonFiniteError: An input holds NaN or infinity.
         SnapshotError: The checkpoint is of another run, or damaged.
     """
-    check_choice("backend", backend, get_args(Backend))
     loop = closed_loop(
         controller,
         plant,
         trajectory,
-        wrench=wrench,
+        environment=environment,
         sensor=sensor,
         q0=q0,
         v0=v0,
@@ -98,9 +126,17 @@ def simulate(
         integrator=integrator,
         joint_stops=joint_stops,
     )
-    run_fast = run_compiled if backend == "compiled" else run_fused
+    run_fast = {"numpy": run, "pinocchio": run_around_pinocchio, "compiled": run_compiled}[
+        _backend(loop)
+    ]
     result = run_fast(loop, on_tick, checkpoint)
     return run(loop, on_tick, checkpoint) if result is None else result
+
+
+def _backend(loop: ClosedLoop) -> Backend:
+    """Who computes a loop: the controller says it; Python does where that is no `ImpedanceController` itself."""
+    controller = loop.controller
+    return controller.backend if isinstance(controller, ImpedanceController) else "numpy"
 
 
 def closed_loop(
@@ -108,7 +144,7 @@ def closed_loop(
     plant: ArmModel | Plant[Any],
     trajectory: Trajectory,
     *,
-    wrench: EnvironmentLike | None = None,
+    environment: EnvironmentLike | None = None,
     sensor: Sensor[Any] | None = None,
     q0: ArrayLike | None = None,
     v0: ArrayLike | None = None,
@@ -132,7 +168,7 @@ def closed_loop(
         plant=arm,
         engine=engine,
         trajectory=trajectory,
-        environment=as_interaction(wrench),
+        environment=as_interaction(environment),
         sensor=Perfect() if sensor is None else sensor,
         q=np.array(q),
         v=np.zeros(arm.nv) if v0 is None else vector("v0", v0, arm.nv).copy(),

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from .._common.arrays import Array
+from .._common.deprecation import renamed_attribute
 from ..control.baselines import (
     ComputedTorqueImpedance,
     FirstOrderSlidingMode,
@@ -45,7 +46,7 @@ class Scenario:
         controller: The controller with its own model.
         plant: The simulated arm.
         trajectory: Desired motion.
-        wrench: Environment.
+        environment: What pushes on the plant.
         q0: Initial configuration, shape (nq,).
         duration: Length [s].
         substeps: Physics steps per control period.
@@ -55,7 +56,7 @@ class Scenario:
     controller: Controller[Any]
     plant: ArmModel
     trajectory: Trajectory
-    wrench: Interaction
+    environment: Interaction
     q0: Array
     duration: float
     substeps: int = 4
@@ -72,7 +73,7 @@ class Scenario:
             self.controller,
             self.plant,
             self.trajectory,
-            wrench=self.wrench,
+            environment=self.environment,
             q0=self.q0,
             duration=self.duration,
             substeps=self.substeps,
@@ -80,6 +81,8 @@ class Scenario:
             on_tick=on_tick,
             checkpoint=checkpoint,
         )
+
+    wrench = renamed_attribute("wrench", "environment")
 
 
 def paper(
@@ -117,7 +120,7 @@ def paper(
         controller=controller,
         plant=arm,
         trajectory=cosine(arm, center=0.5, amplitude=0.2, period=6.0),
-        wrench=FrameWrench(_paper_force),
+        environment=FrameWrench(_paper_force),
         q0=np.zeros(2),
         duration=duration,
         substeps=substeps,

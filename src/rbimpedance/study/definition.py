@@ -11,6 +11,7 @@ import numpy as np
 
 from .._common.arrays import Array, positive_number
 from .._common.brief import brief_repr
+from .._common.deprecation import renamed_arguments, renamed_attribute
 from .._common.suggestions import suggest
 from ..control.imperfect import whole_number
 from ..control.protocol import Controller
@@ -74,7 +75,7 @@ class Experiment:
     Attributes:
         plant: The arm that is simulated.
         trajectory: Desired motion.
-        wrench: Environment, as in `simulate`.
+        environment: What pushes on the plant, as in `simulate`.
         sensor: What tells the controller of the environment; the truth by default.
         q0: Initial configuration, shape (nq,); where the trajectory begins by default.
         wrap: Puts the sensors and actuators around a controller that are part of the disturbance.
@@ -84,7 +85,7 @@ class Experiment:
 
     plant: ArmModel | Plant[Any]
     trajectory: Trajectory
-    wrench: EnvironmentLike | None = None
+    environment: EnvironmentLike | None = None
     sensor: Sensor[Any] | None = None
     q0: Array | None = None
     wrap: Callable[[Controller[Any]], Controller[Any]] = unchanged
@@ -108,12 +109,17 @@ class Experiment:
             self.wrap(controller),
             self.plant,
             self.trajectory,
-            wrench=self.wrench,
+            environment=self.environment,
             sensor=self.sensor,
             q0=self.q0,
             duration=duration,
             substeps=substeps if self.substeps is None else self.substeps,
         )
+
+    wrench = renamed_attribute("wrench", "environment")
+
+
+Experiment.__init__ = renamed_arguments(wrench="environment")(Experiment.__init__)  # type: ignore[method-assign]
 
 
 @brief_repr()

@@ -9,6 +9,7 @@ import numpy as np
 
 from .._common.arrays import Array
 from ..control.controller import ImpedanceController
+from ..control.protocol import Backend
 from ..exceptions import DivergenceError
 from ..law.impedance import Impedance
 from ..law.limits import Limits
@@ -65,12 +66,22 @@ class ExtremeCase(NamedTuple):
 
 
 def controller_for(
-    design: Design, dt: float, impedance: Impedance, limits: Limits | None
+    design: Design,
+    dt: float,
+    impedance: Impedance,
+    limits: Limits | None,
+    backend: Backend = "pinocchio",
 ) -> ImpedanceController:
     """Return the controller with a design's model and gains."""
     reaching = SuperTwisting(design.k1, design.k2, "matched", design.margin)
     return ImpedanceController(
-        design.measured.model, impedance, design.surface, reaching, dt, limits=limits
+        design.measured.model,
+        impedance,
+        design.surface,
+        reaching,
+        dt,
+        limits=limits,
+        backend=backend,
     )
 
 
@@ -129,7 +140,8 @@ def _run(
     noisy: bool,
     on_tick: Callable[[int, int], None] | None,
 ) -> ExtremeCase:
-    controller = sample.wrap(controller_for(design, task.dt, impedance, task.limits), noisy=noisy)
+    law = controller_for(design, task.dt, impedance, task.limits, task.backend)
+    controller = sample.wrap(law, noisy=noisy)
     ticks = max(round(task.duration / task.dt), 10)
     diverged = None
     try:
@@ -139,7 +151,6 @@ def _run(
             task.trajectory,
             q0=q0,
             duration=ticks * task.dt,
-            backend=task.backend,
             on_tick=on_tick,
         )
     except DivergenceError as failure:

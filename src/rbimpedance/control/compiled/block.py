@@ -45,8 +45,8 @@ _STATE = {
 """Where a block keeps the arrays of a `ControllerState`, in its order."""
 
 
-class _Packed:
-    """Has the names of a named tuple and behaves like it.
+class Packed:
+    """Has the names of a named tuple, and can be taken apart like it.
 
     Attributes:
         block: The numbers of the block, row by row, as bytes: they cannot change.
@@ -74,15 +74,14 @@ class _Packed:
         return tuple(self)[index]
 
     def __repr__(self) -> str:
-        return repr(self._plain(*self))
+        return repr(self.unpacked())
 
     def __reduce__(self) -> tuple[Any, ...]:
         return self._plain, tuple(self)
 
-    @property  # type: ignore[misc]
-    def __class__(self) -> Any:
-        """The named tuple: for `isinstance` this is one."""
-        return self._plain
+    def unpacked(self) -> Any:
+        """Return the named tuple itself."""
+        return self._plain(*self)
 
     @property
     def _fields(self) -> tuple[str, ...]:
@@ -93,7 +92,7 @@ class _Packed:
         return dict(zip(self._fields, self, strict=True))
 
     def _replace(self, **changes: Any) -> Any:
-        return self._plain(*self)._replace(**changes)
+        return self.unpacked()._replace(**changes)
 
 
 def _view(k: int) -> Any:
@@ -108,11 +107,11 @@ def _flag(bit: int) -> Any:
     return property(lambda self: (_flags(self) & bit) != 0)
 
 
-def _flags(packed: _Packed) -> NDArray[np.int64]:
+def _flags(packed: Packed) -> NDArray[np.int64]:
     return np.frombuffer(packed.block)[FLAGS::COLUMNS].astype(np.int64)
 
 
-class PackedState(_Packed):
+class PackedState(Packed):
     """A `ControllerState` in a block; its arrays are read-only."""
 
     __slots__ = ()
@@ -130,7 +129,7 @@ class PackedState(_Packed):
         return cls(block)
 
 
-class PackedOutput(_Packed):
+class PackedOutput(Packed):
     """A `ControllerOutput` in a block; its arrays are copies."""
 
     __slots__ = ()

@@ -20,11 +20,11 @@ from .block import (
     U,
     Z,
 )
-from .kernels import DT, EFFORT, IMPLICIT, K2, SCHEME, TORQUE_STEP, Law, Scratch
+from .law import DT, EFFORT, IMPLICIT, K2, SCHEME, TORQUE_STEP, LawTables, Scratch
 
 
 @routine
-def within_limits(law: Law, scratch: Scratch, state: Array, block: Array) -> None:
+def within_limits(law: LawTables, scratch: Scratch, state: Array, block: Array) -> None:
     """Replace the torque by the closest within the limits and stop the integrals there; see `Limits.allocate`.
 
     Args:
@@ -49,7 +49,7 @@ def within_limits(law: Law, scratch: Scratch, state: Array, block: Array) -> Non
 
 
 @inline
-def bounds(law: Law, j: int, state: Array) -> tuple[float, float]:
+def bounds(law: LawTables, j: int, state: Array) -> tuple[float, float]:
     """Least and largest torque of joint j at this tick."""
     effort, step = law.gains[j, EFFORT], law.gains[j, TORQUE_STEP]
     if state[0, TICKS] == 0.0:
@@ -59,7 +59,7 @@ def bounds(law: Law, j: int, state: Array) -> tuple[float, float]:
 
 
 @inline
-def put_flags(law: Law, j: int, state: Array, block: Array, premise_holds: bool) -> None:
+def put_flags(law: LawTables, j: int, state: Array, block: Array, premise_holds: bool) -> None:
     """Write which limits joint j is at, and whether its reaching law acts in full; the other flags stay."""
     tau = block[j, TAU]
     lower, upper = bounds(law, j, state)
@@ -74,7 +74,7 @@ def put_flags(law: Law, j: int, state: Array, block: Array, premise_holds: bool)
 
 
 @inline
-def _allocate(law: Law, scratch: Scratch, state: Array, block: Array) -> None:
+def _allocate(law: LawTables, scratch: Scratch, state: Array, block: Array) -> None:
     """Torque within the limits, and the acceleration that it lacks."""
     wanted, acceleration_deficit, held, M = (
         scratch.wanted,
@@ -107,30 +107,42 @@ def _allocate(law: Law, scratch: Scratch, state: Array, block: Array) -> None:
 @inline
 def _solve_held(scratch: Scratch, block: Array) -> None:
     """Solve M_SS·deficit_S = (wanted - tau)_S over the held joints S by Cholesky; elsewhere the deficit stays zero."""
-    wanted, acceleration_deficit, held = scratch.wanted, scratch.acceleration_deficit, scratch.held
-    M, L, n = scratch.mass, scratch.factor, len(scratch.wanted)
-    for i in range(n):
-        if held[i] == 0.0:
+    wanted, deficit, held = scratch.wanted, scratch.acceleration_deficit, scratch.held
+    for i in range(len(held)):
+        if held[i] != 0.0:
+            deficit[i] = _eliminated(scratch, i, wanted[i] - block[i, TAU])
+    for i in range(len(held) - 1, -1, -1):
+        if held[i] != 0.0:
+            deficit[i] = _substituted(scratch, i)
+
+
+@inline
+def _eliminated(scratch: Scratch, i: int, total: float) -> float:
+    """Write row i of the factor; entry i of the solution of L·y = wanted - tau."""
+    deficit, held, M, L = scratch.acceleration_deficit, scratch.held, scratch.mass, scratch.factor
+    for j in range(i + 1):
+        if held[j] == 0.0:
             continue
-        total = wanted[i] - block[i, TAU]
-        for j in range(i + 1):
-            if held[j] == 0.0:
-                continue
-            entry = M[i, j]
-            for k in range(j):
-                if held[k] != 0.0:
-                    entry -= L[i, k] * L[j, k]
-            if j < i:
-                L[i, j] = entry / L[j, j]
-                total -= L[i, j] * acceleration_deficit[j]
-            else:
-                L[i, i] = math.sqrt(entry)
-        acceleration_deficit[i] = total / L[i, i]
-    for i in range(n - 1, -1, -1):
-        if held[i] == 0.0:
-            continue
-        total = acceleration_deficit[i]
-        for k in range(i + 1, n):
+        entry = M[i, j]
+        for k in range(j):
             if held[k] != 0.0:
-                total -= L[k, i] * acceleration_deficit[k]
-        acceleration_deficit[i] = total / L[i, i]
+                entry -= L[i, k] * L[j, k]
+        if j < i:
+            L[i, j] = entry / L[j, j]
+            total -= L[i, j] * deficit[j]
+        else:
+            L[i, i] = math.sqrt(entry)
+    y: float = total / L[i, i]
+    return y
+
+
+@inline
+def _substituted(scratch: Scratch, i: int) -> float:
+    """Entry i of the solution of Lᵀ·deficit = y."""
+    deficit, held, L = scratch.acceleration_deficit, scratch.held, scratch.factor
+    total = deficit[i]
+    for k in range(i + 1, len(held)):
+        if held[k] != 0.0:
+            total -= L[k, i] * deficit[k]
+    entry: float = total / L[i, i]
+    return entry

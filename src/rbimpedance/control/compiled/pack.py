@@ -9,12 +9,12 @@ import numpy as np
 from ..._common.arrays import Array
 from ...law.bounded_surface import BoundedSurface
 from ...law.impedance import ImpedanceFilter, TargetFilter
-from ...law.limits import Limits
 from ...law.super_twisting import SuperTwisting
 from ...law.surfaces import FastTerminalSurface, NonsingularTerminalSurface, PowerSurface, Surface
-from . import kernels as at
+from ..tick import ControlLaw
+from . import law as at
 from .block import COLUMNS
-from .kernels import Law, Scratch
+from .law import LawTables, Scratch
 
 _SURFACES: dict[type, tuple[int, dict[int, str]]] = {
     PowerSurface: (at.POWER, {at.GAMMA: "gamma", at.EXPONENT: "exponent"}),
@@ -40,26 +40,13 @@ def can_pack(surface: Surface, reaching: Any) -> bool:
     return type(_within_bound(surface)) in _SURFACES and type(reaching) is SuperTwisting
 
 
-def pack_law(
-    nv: int,
-    dt: float,
-    impedance_filter: TargetFilter,
-    surface: Surface,
-    reaching: SuperTwisting,
-    limits: Limits | None,
-    model: str,
-) -> Law:
+def pack_law(law: ControlLaw) -> LawTables:
     """Return the tables of a law.
 
     Args:
-        nv: Number of joints.
-        dt: Control period [s].
-        impedance_filter: Filter of the target impedance.
-        surface: One that `can_pack` knows.
-        reaching: One that `can_pack` knows.
-        limits: Limits of the torque, or None.
-        model: "full" or "inertia".
+        law: One whose surface and reaching law `can_pack` knows.
     """
+    nv, surface, reaching, limits = law.arm.nv, law.surface, law.reaching, law.limits
     gains = np.zeros((nv, at.GAINS))
     gains[:, [at.EFFORT, at.TORQUE_STEP, at.SEEN]] = np.inf
     if isinstance(surface, BoundedSurface):
@@ -72,15 +59,15 @@ def pack_law(
         alpha, eps = gains[:, at.EXPONENT], gains[:, at.SMOOTHING]
         gains[:, at.INNER_SLOPE] = (2.0 - alpha) * eps ** (alpha - 1.0)
         gains[:, at.INNER_CURVE] = (alpha - 1.0) * eps ** (alpha - 2.0)
-    gains[:, at.DT] = dt
+    gains[:, at.DT] = law.dt
     gains[:, at.K1], gains[:, at.K2] = reaching.k1, reaching.k2
     gains[:, at.MARGIN] = reaching.margin
     if limits is not None:
-        gains[:, at.EFFORT], gains[:, at.TORQUE_STEP] = limits.effort, limits.rate * dt
-    form, table = _pack_filter(impedance_filter, nv)
-    knows = at.FULL if model == "full" else at.MASS_ONLY
+        gains[:, at.EFFORT], gains[:, at.TORQUE_STEP] = limits.effort, limits.rate * law.dt
+    form, table = _pack_filter(law.filter, nv)
+    knows = at.FULL if law.model == "full" else at.MASS_ONLY
     choices = np.array([[kind, _SCHEMES[reaching.scheme], form, knows]])
-    return Law(gains, table, choices)
+    return LawTables(gains, table, choices)
 
 
 def scratch(nv: int) -> Scratch:

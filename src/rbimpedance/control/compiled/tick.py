@@ -1,15 +1,34 @@
-"""One tick as compiled code: the part before the torque of the model, that torque, and the part after it."""
+"""The tick in compiled code: `whole_tick` shows its sequence, `numpy_tick` of control/tick.py specifies it."""
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from numba import types
+
 from ..._common.arrays import Array
-from ..._numba.compile import inline, routine
+from ..._numba.compile import inline, kernel, routine
+from ..._numba.layouts.objects import (
+    DONE,
+    NOTHING,
+    OBJECTS,
+    BlockArgument,
+    PairResult,
+    VectorsArgument,
+    returner,
+)
+from ..._numba.layouts.tables import Held, opened
 from ...robot.compiled import rigid_body
+from ...robot.compiled.dynamics import ARM, OWN_INTEGERS, OWN_MATRIX, OWN_VECTOR, SPACE, VECTOR_IN
 from ...robot.compiled.rigid_body import friction, place_joints
 from ...robot.compiled.tables import CONTINUOUS, KIND, Q_INDEX, ArmTables, Workspace
+from ...trajectories import Reference
 from .block import (
     A_R,
     CLIPPED,
+    COLUMNS,
     E1,
     E2,
     FLAGS,
@@ -18,42 +37,72 @@ from .block import (
     NEXT_V_E,
     NEXT_X,
     NEXT_Z,
-    PAIR,
     Q_E,
-    Q_R,
-    Q_R_SIN,
     TAU,
     TAU_EXT,
     TICKS,
     V_E,
     V_R,
+    PackedOutput,
+    PackedState,
     S,
     U,
     Z,
 )
-from .kernels import (
+from .law import (
     COUPLED,
-    DECOUPLED,
     FILTER,
     FULL,
     KNOWLEDGE,
     SEEN,
-    Law,
-    Measured,
+    LawTables,
     Scratch,
-    add_angle,
-    angle_between,
+    TickInputs,
+    couple_joints,
+    filter_step,
+    position_error,
     reaching,
     surface,
 )
-from .limits import bounds, put_flags
+from .limits import bounds, put_flags, within_limits
 
-DONE, REFUSED, EXCEEDED = 0, 1, 2
-"""How a kernel ended: well; with inputs that are not sound; with a torque beyond a limit."""
+WITHIN, EXCEEDED = 0, 1
+"""Whether the torque of the law is within the limits."""
+
+
+@inline
+def whole_tick(
+    arm: ArmTables,
+    law: LawTables,
+    space: Workspace,
+    work: Scratch,
+    state: Array,
+    given: TickInputs,
+    block: Array,
+) -> bool:
+    """Write a tick to its block; False for inputs that are not sound.
+
+    Args:
+        arm: The controller's arm.
+        law: Its law.
+        space: Work space of its dynamics.
+        work: Work space of the tick.
+        state: Block of the tick before.
+        given: Measurements and reference.
+        block: Where output and next state go.
+    """
+    if not is_sound(arm, given):
+        return False
+    before_torque(arm, law, work, state, given, block)  # filter, errors, surface, reaching law
+    model_torque(arm, space, law, work, given)
+    if after_torque(arm, law, work.torque, given.v, given.tau_ext, state, block) == EXCEEDED:
+        rigid_body.mass_matrix(arm, space, work.mass)
+        within_limits(law, work, state, block)
+    return True
 
 
 @routine
-def is_sound(arm: ArmTables, given: Measured) -> bool:
+def is_sound(arm: ArmTables, given: TickInputs) -> bool:
     """Whether all sizes are right, all numbers finite, and all (cos, sin) pairs of unit length."""
     topology, n = arm.topology, len(arm.topology)
     q, v, q_d, v_d, a_d, tau_ext = given
@@ -83,7 +132,7 @@ def _is_unit(q: Array, i: int) -> bool:
 
 @routine
 def before_torque(
-    arm: ArmTables, law: Law, scratch: Scratch, state: Array, given: Measured, block: Array
+    arm: ArmTables, law: LawTables, scratch: Scratch, state: Array, given: TickInputs, block: Array
 ) -> None:
     """Write reference, errors, s, u, the next state without limits, and the commanded acceleration.
 
@@ -99,11 +148,11 @@ def before_torque(
     command, zoh_gain = scratch.command, scratch.zoh_gain
     starts = state[0, TICKS] == 0.0
     if law.choices[0, FILTER] == COUPLED:
-        _couple(law, state, tau_ext, scratch.filtered)
+        couple_joints(law, state, tau_ext, scratch.filtered)
     for j in range(len(v)):
         q_e, v_e, z = state[j, NEXT_Q_E], state[j, NEXT_V_E], state[j, NEXT_Z]
-        a_e, q_e_next, v_e_next = _filter(law, scratch, j, state, tau_ext, block)  # eq. (3)
-        e1 = _track(arm, j, q, q_d, q_e, block)  # eq. (4)
+        a_e, q_e_next, v_e_next = filter_step(law, scratch, j, state, tau_ext, block)  # eq. (3)
+        e1 = position_error(arm, j, q, q_d, q_e, block)  # eq. (4)
         v_r, a_r = v_d[j] + v_e, a_d[j] + a_e
         e2 = v_r - v[j]
         s, feedforward, gain = surface(law, j, e1, e2)  # eq. (6)
@@ -122,37 +171,8 @@ def before_torque(
 
 
 @routine
-def after_torque(
-    arm: ArmTables, law: Law, torque: Array, v: Array, tau_ext: Array, state: Array, block: Array
-) -> int:
-    """Write the motor torque from the model's; `EXCEEDED` where a limit asks for `within_limits`.
-
-    Args:
-        arm: The arm.
-        law: The law.
-        torque: Torque of the model, without friction.
-        v: Velocity.
-        tau_ext: Torque of the environment.
-        state: Block of the tick before.
-        block: Block of this tick.
-    """
-    status = DONE
-    for j in range(len(v)):
-        tau = torque[j]
-        if law.choices[0, KNOWLEDGE] == FULL:
-            tau += friction(arm.joints, j, v[j])
-        tau -= tau_ext[j]
-        lower, upper = bounds(law, j, state)
-        if tau < lower or tau > upper:
-            status = EXCEEDED
-        block[j, TAU] = tau
-        put_flags(law, j, state, block, True)
-    return status
-
-
-@routine
 def model_torque(
-    arm: ArmTables, space: Workspace, law: Law, scratch: Scratch, given: Measured
+    arm: ArmTables, space: Workspace, law: LawTables, scratch: Scratch, given: TickInputs
 ) -> None:
     """Write RNEA(q, v, command), or M(q)·command where only the mass matrix is known."""
     place_joints(arm, space, given.q)
@@ -168,49 +188,138 @@ def model_torque(
         scratch.torque[i] = total
 
 
-@inline
-def _filter(
-    law: Law, scratch: Scratch, j: int, state: Array, tau_ext: Array, block: Array
-) -> tuple[float, float, float]:
-    """a_e, and the next q_e and v_e, of joint j (paper, eq. 3)."""
-    F, kind, n = law.filter, law.choices[0, FILTER], len(tau_ext)
-    if kind == DECOUPLED:
-        x, v, t = state[j, NEXT_Q_E], state[j, NEXT_V_E], tau_ext[j]
-        return (
-            F[j, 0] * x + F[j, 1] * v + F[j, 2] * t,
-            F[j, 3] * x + F[j, 4] * v + F[j, 5] * t,
-            F[j, 6] * x + F[j, 7] * v + F[j, 8] * t,
-        )
-    if kind == COUPLED:
-        return scratch.filtered[j], scratch.filtered[n + j], scratch.filtered[2 * n + j]
-    return block[j, A_R], block[j, NEXT_Q_E], block[j, NEXT_V_E]
+@routine
+def after_torque(
+    arm: ArmTables,
+    law: LawTables,
+    torque: Array,
+    v: Array,
+    tau_ext: Array,
+    state: Array,
+    block: Array,
+) -> int:
+    """Write the motor torque from the model's; `EXCEEDED` where a limit asks for `within_limits`.
+
+    Args:
+        arm: The arm.
+        law: The law.
+        torque: Torque of the model, without friction.
+        v: Velocity.
+        tau_ext: Torque of the environment.
+        state: Block of the tick before.
+        block: Block of this tick.
+    """
+    status = WITHIN
+    for j in range(len(v)):
+        tau = torque[j]
+        if law.choices[0, KNOWLEDGE] == FULL:
+            tau += friction(arm.joints, j, v[j])
+        tau -= tau_ext[j]
+        lower, upper = bounds(law, j, state)
+        if tau < lower or tau > upper:
+            status = EXCEEDED
+        block[j, TAU] = tau
+        put_flags(law, j, state, block, True)
+    return status
+
+
+class LawWords(NamedTuple):
+    """What a tick around Pinocchio's RNEA reads and nobody writes."""
+
+    arm: ArmTables
+    law: LawTables
+
+
+class TickWords(NamedTuple):
+    """What a compiled tick needs besides its arguments: what it reads, what it writes, and where the torque goes."""
+
+    arm: ArmTables
+    law: LawTables
+    space: Workspace
+    scratch: Scratch
+    tau: Array
+
+
+LAW = types.NamedTuple((OWN_MATRIX, OWN_MATRIX, OWN_INTEGERS), LawTables)
+SCRATCH = types.NamedTuple((*[OWN_VECTOR] * 6, *[OWN_MATRIX] * 3, OWN_VECTOR), Scratch)
+_FIXED, _WORK = Held(types.NamedTuple((ARM, LAW), LawWords)), Held(SCRATCH)
+_OWN = Held(types.NamedTuple((ARM, LAW, SPACE, SCRATCH, OWN_VECTOR), TickWords))
+_STATE, _RESULT = BlockArgument(PackedState, COLUMNS), PairResult(PackedOutput, PackedState)
+_GIVEN = (VECTOR_IN, VECTOR_IN, VectorsArgument(Reference, VECTOR_IN), VECTOR_IN)
+_returned = returner(_RESULT)
+
+
+@functools.cache
+def before_kernel() -> Callable[..., Any]:
+    """Compile what comes before the torque of the model, or load it from the disk."""
+    return kernel(_before, (_FIXED, _WORK, _STATE, *_GIVEN))
+
+
+@functools.cache
+def after_kernel() -> Callable[..., Any]:
+    """Compile what comes after it, or load it."""
+    vectors = (VECTOR_IN,) * 3
+    return kernel(_after, (_FIXED, _WORK, OWN_VECTOR, _STATE, *vectors), _RESULT)
+
+
+@functools.cache
+def limit_kernel() -> Callable[..., Any]:
+    """Compile what comes then, where a limit is exceeded, or load it."""
+    return kernel(_limit, (_FIXED, _WORK, OWN_VECTOR, _STATE), _RESULT)
+
+
+@functools.cache
+def whole_kernel() -> Callable[..., Any]:
+    """Compile the whole tick, or load it."""
+    return kernel(_whole, (_OWN, _STATE, *_GIVEN), _RESULT)
+
+
+def _before(
+    fixed: Any, held: Any, state: Array, q: Array, v: Array, reference: Any, tau_ext: Array
+) -> int:
+    arm, law = opened(fixed)
+    work = opened(held)
+    given = TickInputs(q, v, reference[0], reference[1], reference[2], tau_ext)
+    if state.shape != work.block.shape or not is_sound(arm, given):
+        return 1
+    before_torque(arm, law, work, state, given, work.block)
+    return 0
+
+
+def _after(
+    fixed: Any, held: Any, tau: Array, state: Array, torque: Array, v: Array, tau_ext: Array
+) -> Any:
+    arm, law = opened(fixed)
+    block = opened(held).block
+    if after_torque(arm, law, torque, v, tau_ext, state, block) == EXCEEDED:
+        return _returned(NOTHING, block)
+    return _made(block, state, tau)
+
+
+def _limit(fixed: Any, held: Any, tau: Array, state: Array) -> Any:
+    _, law = opened(fixed)
+    work = opened(held)
+    within_limits(law, work, state, work.block)
+    return _made(work.block, state, tau)
+
+
+def _whole(own: Any, state: Array, q: Array, v: Array, reference: Any, tau_ext: Array) -> Any:
+    arm, law, space, work, tau = opened(own)
+    given = TickInputs(q, v, reference[0], reference[1], reference[2], tau_ext)
+    if state.shape != work.block.shape or not whole_tick(
+        arm, law, space, work, state, given, work.block
+    ):
+        return _returned(NOTHING, work.block)
+    return _made(work.block, state, tau)
 
 
 @inline
-def _couple(law: Law, state: Array, tau_ext: Array, filtered: Array) -> None:
-    """Write a_e, and the next q_e and v_e, of all joints: column by column, in long loops."""
-    n = len(tau_ext)
-    filtered[:] = 0.0
-    for k in range(n):
-        _add_column(law.filter, k, state[k, NEXT_Q_E], filtered)
-        _add_column(law.filter, n + k, state[k, NEXT_V_E], filtered)
-        _add_column(law.filter, 2 * n + k, tau_ext[k], filtered)
-
-
-@inline
-def _add_column(F: Array, k: int, factor: float, total: Array) -> None:
-    for i in range(len(total)):
-        total[i] += F[k, i] * factor
-
-
-@inline
-def _track(arm: ArmTables, j: int, q: Array, q_d: Array, q_e: float, block: Array) -> float:
-    """Write q_r = q_d (+) q_e of joint j, and return e1 = q_r (-) q (paper, eq. 4)."""
-    i = arm.topology[j, Q_INDEX]
-    if arm.topology[j, KIND] != CONTINUOUS:
-        q_r = q_d[i] + q_e
-        block[j, Q_R], block[j, Q_R_SIN], block[j, FLAGS] = q_r, 0.0, 0.0
-        return float(q_r - q[i])
-    cos, sin = add_angle(q_d[i], q_d[i + 1], q_e)
-    block[j, Q_R], block[j, Q_R_SIN], block[j, FLAGS] = cos, sin, PAIR
-    return angle_between(q[i], q[i + 1], cos, sin)
+def _made(block: Array, state: Array, tau: Array) -> Any:
+    """New objects; or torque and next state in memory of the caller's, where it gives a place for the torque."""
+    if len(tau) == 0:
+        return _returned(OBJECTS, block)
+    for j in range(len(tau)):
+        tau[j] = block[j, TAU]
+        for k in range(COLUMNS):
+            state[j, k] = block[j, k]
+    return _returned(DONE, block)

@@ -11,8 +11,8 @@ import numpy as np
 from numba import types
 
 from ..._common.arrays import Array
-from ..._numba.array_arguments import Borrowed
 from ..._numba.compile import kernel
+from ..._numba.layouts.arrays import Borrowed
 from ...exceptions import ModelError
 from ..arm_model import ArmModel
 from . import rigid_body
@@ -106,7 +106,7 @@ class CompiledDynamics:
                     )
 
 
-class Kernels(NamedTuple):
+class DynamicsKernels(NamedTuple):
     """Compiled entry points, each called with `ArmTables`, `Workspace`, and then its own arguments."""
 
     inverse_dynamics: Callable[..., Any]
@@ -115,9 +115,9 @@ class Kernels(NamedTuple):
 
 
 @functools.cache
-def kernels() -> Kernels:
+def kernels() -> DynamicsKernels:
     """Compile the entry points, or load them from the disk."""
-    return Kernels(
+    return DynamicsKernels(
         kernel(_inverse_dynamics, (ARM, SPACE, VECTOR_IN, VECTOR_IN, VECTOR_IN, OWN_VECTOR)),
         kernel(_forward_dynamics, (ARM, SPACE, VECTOR_IN, VECTOR_IN, VECTOR_IN, OWN_VECTOR)),
         kernel(_mass_matrix, (ARM, SPACE, VECTOR_IN, OWN_MATRIX)),

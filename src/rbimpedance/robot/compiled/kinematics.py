@@ -5,8 +5,21 @@ from __future__ import annotations
 from ..._common.arrays import Array
 from ..._numba.compile import fused, routine
 from .rigid_body import _placement
-from .rows import get_matrix, get_vector, put_matrix, put_vector
-from .spatial import Motion, Vector, add, cross, dot, product, rotate, scale, z_axis
+from .spatial import (
+    SpatialMotion,
+    Vector,
+    add,
+    cross,
+    dot,
+    get_matrix,
+    get_vector,
+    product,
+    put_matrix,
+    put_vector,
+    rotate,
+    scale,
+    z_axis,
+)
 from .tables import KIND, PARENT, PRISMATIC, ArmTables, Workspace
 
 # Columns of a table of poses, one row a joint or a frame.
@@ -48,7 +61,7 @@ def turned_into_world(poses: Array, frames: Array, i: int, joint: int, a: Vector
 
 
 @fused
-def joint_motion(arm: ArmTables, poses: Array, j: int, point: Vector) -> Motion:
+def joint_motion(arm: ArmTables, poses: Array, j: int, point: Vector) -> SpatialMotion:
     """How a body turns, and moves at a point, at unit speed of joint j before it: a column of its Jacobian."""
     z, origin = z_axis(get_matrix(poses, j, AXES)), get_vector(poses, j, ORIGIN)
     if arm.topology[j, KIND] == PRISMATIC:
@@ -58,7 +71,7 @@ def joint_motion(arm: ArmTables, poses: Array, j: int, point: Vector) -> Motion:
 
 @routine
 def add_force(
-    arm: ArmTables, poses: Array, joint: int, point: Vector, force: Motion, torque: Array
+    arm: ArmTables, poses: Array, joint: int, point: Vector, force: SpatialMotion, torque: Array
 ) -> None:
     """Add the joint torque Jᵀ·(n, f) of a moment and a force at a point of the body that a joint carries.
 

@@ -16,21 +16,10 @@ import math
 from ..._common.arrays import Array
 from ..._numba.compile import fused, routine
 from ..pinocchio_dynamics import COULOMB_SMOOTHING
-from .rows import (
-    get_inertia,
-    get_matrix,
-    get_pair,
-    get_symmetric,
-    get_vector,
-    put_inertia,
-    put_matrix,
-    put_pair,
-    put_vector,
-)
 from .spatial import (
     Inertia,
     Matrix,
-    Motion,
+    SpatialMotion,
     Vector,
     add,
     add_cross_z,
@@ -39,11 +28,21 @@ from .spatial import (
     add_z,
     apply,
     congruence,
+    cosines_and_sines,
     cross,
     cross_force,
     dot,
+    get_inertia,
+    get_matrix,
+    get_pair,
+    get_symmetric,
+    get_vector,
     power,
     product,
+    put_inertia,
+    put_matrix,
+    put_pair,
+    put_vector,
     rigid_inertia,
     rigid_momentum,
     rotate,
@@ -75,7 +74,6 @@ from .tables import (
     ArmTables,
     Workspace,
 )
-from .trigonometry import cosines_and_sines
 
 # Columns of `Workspace.rows`, which every routine here writes anew.
 _PLACEMENT, _ORIGIN = (
@@ -125,9 +123,25 @@ def inverse_dynamics(arm: ArmTables, space: Workspace, v: Array, a: Array, tau: 
         a: Acceleration, shape (nv,).
         tau: Where the torque goes, shape (nv,).
     """
+    _move_bodies(arm, space, v, a)
     joints, topology, work = arm.joints, arm.topology, space.rows
-    n = len(joints)
-    for j in range(n):
+    for j in range(len(joints) - 1, -1, -1):
+        parent, slides = topology[j, PARENT], topology[j, KIND] == PRISMATIC
+        force, torque = get_vector(work, j, _FORCE), get_vector(work, j, _MOMENT)
+        tau[j] = (force[2] if slides else torque[2]) + joints[j, ARMATURE] * a[j]
+        if parent >= 0:  # f_parent += R·f,  n_parent += R·n + r × R·f
+            R, r = get_matrix(work, j, _PLACEMENT), get_vector(work, j, _ORIGIN)
+            force = rotate(R, force)
+            torque = add(rotate(R, torque), cross(r, force))
+            put_vector(work, parent, _FORCE, add(get_vector(work, parent, _FORCE), force))
+            put_vector(work, parent, _MOMENT, add(get_vector(work, parent, _MOMENT), torque))
+
+
+@fused
+def _move_bodies(arm: ArmTables, space: Workspace, v: Array, a: Array) -> None:
+    """Write how every body moves, and the force and moment that this takes."""
+    joints, topology, work = arm.joints, arm.topology, space.rows
+    for j in range(len(joints)):
         parent, slides = topology[j, PARENT], topology[j, KIND] == PRISMATIC
         R, r = _placement(joints, j, slides, space)
         if parent < 0:
@@ -157,16 +171,6 @@ def inverse_dynamics(arm: ArmTables, space: Workspace, v: Array, a: Array, tau: 
         torque = add(transform(inertia, omega_rate), cross(omega, transform(inertia, omega)))
         put_vector(work, j, _FORCE, force)
         put_vector(work, j, _MOMENT, add(torque, cross(moment, acceleration)))
-    for j in range(n - 1, -1, -1):
-        parent, slides = topology[j, PARENT], topology[j, KIND] == PRISMATIC
-        force, torque = get_vector(work, j, _FORCE), get_vector(work, j, _MOMENT)
-        tau[j] = (force[2] if slides else torque[2]) + joints[j, ARMATURE] * a[j]
-        if parent >= 0:  # f_parent += R·f,  n_parent += R·n + r × R·f
-            R, r = get_matrix(work, j, _PLACEMENT), get_vector(work, j, _ORIGIN)
-            force = rotate(R, force)
-            torque = add(rotate(R, torque), cross(r, force))
-            put_vector(work, parent, _FORCE, add(get_vector(work, parent, _FORCE), force))
-            put_vector(work, parent, _MOMENT, add(get_vector(work, parent, _MOMENT), torque))
 
 
 @routine
@@ -180,9 +184,24 @@ def forward_dynamics(arm: ArmTables, space: Workspace, v: Array, tau: Array, a: 
         tau: Sum of all joint torques, shape (nv,).
         a: Where the acceleration goes, shape (nv,).
     """
-    joints, topology, work = arm.joints, arm.topology, space.rows
-    n = len(joints)
-    for j in range(n):  # v = v_parent + S·q̇,  c = v × S·q̇,  p = v ×* I·v
+    _start_velocities(arm, space, v)
+    _gather_inertias(arm, space, tau)
+    topology, work = arm.topology, space.rows
+    for j in range(len(topology)):  # a' = a_parent + c,  q̈ = D⁻¹·(u - Uᵀ·a'),  a = a' + S·q̈
+        parent = topology[j, PARENT]
+        rate = ((0.0, 0.0, 0.0), (-arm.gravity[0], -arm.gravity[1], -arm.gravity[2]))
+        if parent >= 0:
+            rate = shift_motion(get_pair(work, parent, _RATE), get_vector(work, j, _ORIGIN))
+            rate = add_pair(rate, get_pair(work, j, _BIAS))
+        a[j] = work[j, _D_INVERSE] * (work[j, _RESIDUAL] - power(rate, get_pair(work, j, _U)))
+        put_pair(work, j, _RATE, add_pair(rate, scale_pair(a[j], get_pair(work, j, _SUBSPACE))))
+
+
+@fused
+def _start_velocities(arm: ArmTables, space: Workspace, v: Array) -> None:
+    """Write velocity, velocity-product acceleration and bias force of every body (the table's first pass)."""
+    topology, work = arm.topology, space.rows
+    for j in range(len(topology)):  # v = v_parent + S·q̇,  c = v × S·q̇,  p = v ×* I·v
         parent, slides = topology[j, PARENT], topology[j, KIND] == PRISMATIC
         S, inertia = _subspace_and_inertia(arm, space, j)
         none = (0.0, 0.0, 0.0)
@@ -200,7 +219,13 @@ def forward_dynamics(arm: ArmTables, space: Workspace, v: Array, tau: Array, a: 
         put_pair(work, j, _VELOCITY, velocity)
         put_pair(work, j, _BIAS, bias)
         put_pair(work, j, _BIAS_FORCE, cross_force(velocity, rigid_momentum(inertia, velocity)))
-    for j in range(n - 1, -1, -1):
+
+
+@fused
+def _gather_inertias(arm: ArmTables, space: Workspace, tau: Array) -> None:
+    """Write articulated inertia and bias force of every body, from the tips to the base (the second pass)."""
+    joints, topology, work = arm.joints, arm.topology, space.rows
+    for j in range(len(joints) - 1, -1, -1):
         parent, S = topology[j, PARENT], get_pair(work, j, _SUBSPACE)
         inertia, p = get_inertia(work, j, _INERTIA), get_pair(work, j, _BIAS_FORCE)
         if topology[j, KIND] == PRISMATIC:  # U = Iᴬ·S,  D = Sᵀ·U,  u = τ - Sᵀ·pᴬ
@@ -221,14 +246,6 @@ def forward_dynamics(arm: ArmTables, space: Workspace, v: Array, tau: Array, a: 
             p = add_pair(get_pair(work, parent, _BIAS_FORCE), shift_force(p, r))
             put_inertia(work, parent, _INERTIA, inertia)
             put_pair(work, parent, _BIAS_FORCE, p)
-    for j in range(n):  # a' = a_parent + c,  q̈ = D⁻¹·(u - Uᵀ·a'),  a = a' + S·q̈
-        parent = topology[j, PARENT]
-        rate = ((0.0, 0.0, 0.0), (-arm.gravity[0], -arm.gravity[1], -arm.gravity[2]))
-        if parent >= 0:
-            rate = shift_motion(get_pair(work, parent, _RATE), get_vector(work, j, _ORIGIN))
-            rate = add_pair(rate, get_pair(work, j, _BIAS))
-        a[j] = work[j, _D_INVERSE] * (work[j, _RESIDUAL] - power(rate, get_pair(work, j, _U)))
-        put_pair(work, j, _RATE, add_pair(rate, scale_pair(a[j], get_pair(work, j, _SUBSPACE))))
 
 
 @routine
@@ -291,7 +308,9 @@ def _variation(omega: Vector, rate: Vector) -> Matrix:
 
 
 @fused
-def _subspace_and_inertia(arm: ArmTables, space: Workspace, j: int) -> tuple[Motion, Inertia]:
+def _subspace_and_inertia(
+    arm: ArmTables, space: Workspace, j: int
+) -> tuple[SpatialMotion, Inertia]:
     """Write axes and origin of joint j, its motion subspace and its inertia, in world axes at its origin.
 
     The origin is given from the parent's. Subspace and inertia are also returned.

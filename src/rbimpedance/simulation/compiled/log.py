@@ -22,7 +22,7 @@ from ...control.compiled.block import (
 )
 from ...control.telemetry import FLAGS as FLAG_NAMES
 from ...robot.compiled.tables import CONTINUOUS, KIND, Q_INDEX, ArmTables
-from .plant import Motion
+from .plant import PlantMotion
 
 COLUMN_OF = {"e1": E1, "e2": E2, "s": S, "tau": TAU}
 """Where a tick's block keeps the channels of the controller."""
@@ -78,7 +78,7 @@ def journal(channels: Mapping[str, Array], every: int = 1) -> RunLog:
     )
 
 
-class Figures(NamedTuple):
+class MetricSums(NamedTuple):
     """Sums behind `SimulationResult.metrics`, kept up to date tick by tick.
 
     Attributes:
@@ -92,7 +92,7 @@ class Figures(NamedTuple):
     after: NDArray[np.int64]
 
 
-# Columns of `Figures.table`.
+# Columns of `MetricSums.table`.
 LARGEST, SQUARES, LAST_OUTSIDE = 0, 3, 6  # 3 each: of e1, e2, e_im; of e1 for each tolerance
 PEAK, VARIATION, TAU_BEFORE = 9, 10, 11
 FIGURES = 12
@@ -123,7 +123,7 @@ def impedance_error(target: Array, block: Array, e3: Array, e_im: Array) -> None
 
 @fused
 def write(
-    journal: RunLog, arm: ArmTables, i: int, motion: Motion, block: Array, e_im: Array
+    journal: RunLog, arm: ArmTables, i: int, motion: PlantMotion, block: Array, e_im: Array
 ) -> None:
     """Write one sample.
 
@@ -173,7 +173,7 @@ def _put_flag(channel: NDArray[np.uint8], i: int, block: Array, bit: int) -> Non
 
 
 @fused
-def note(figures: Figures, k: int, block: Array, e_im: Array) -> None:
+def note(figures: MetricSums, k: int, block: Array, e_im: Array) -> None:
     """Let tick k enter the figures of merit.
 
     Args:
@@ -205,19 +205,19 @@ def _note_size(table: Array, j: int, i: int, x: float) -> None:
     table[j, SQUARES + i] += x * x
 
 
-def empty_figures(nv: int, tolerances: Array, after: int) -> Figures:
+def empty_figures(nv: int, tolerances: Array, after: int) -> MetricSums:
     """Return the figures before the first tick."""
     table = np.zeros((nv, FIGURES))
     table[:, LAST_OUTSIDE : LAST_OUTSIDE + 3] = -1.0
-    return Figures(table, np.asarray(tolerances, dtype=np.float64), np.array([after]))
+    return MetricSums(table, np.asarray(tolerances, dtype=np.float64), np.array([after]))
 
 
-def no_figures() -> Figures:
+def no_figures() -> MetricSums:
     """Return figures that are not kept."""
-    return Figures(np.zeros((0, FIGURES)), np.zeros(0), np.array([0]))
+    return MetricSums(np.zeros((0, FIGURES)), np.zeros(0), np.array([0]))
 
 
-def figures_of_merit(figures: Figures, ticks: int, dt: float) -> list[Array]:
+def figures_of_merit(figures: MetricSums, ticks: int, dt: float) -> list[Array]:
     """Return the figures after the last tick, in the order and with the meaning of `SimulationResult.metrics`.
 
     Args:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from ..._common.arrays import Array
 from ..._numba.compile import fused, routine
-from ...control.compiled.kernels import add_angle
+from ...control.compiled.law import add_angle
 from ...robot.compiled import rigid_body
 from ...robot.compiled.rigid_body import friction, place_joints
 from ...robot.compiled.tables import (
@@ -24,7 +24,7 @@ from ...robot.pinocchio_dynamics import COULOMB_SMOOTHING
 from .environment import Environment, environment_torque
 
 
-class Plant(NamedTuple):
+class PlantTables(NamedTuple):
     """The simulated arm.
 
     Attributes:
@@ -36,7 +36,7 @@ class Plant(NamedTuple):
     armature: Array
 
 
-class Motion(NamedTuple):
+class PlantMotion(NamedTuple):
     """Where the plant is, and what acts on it.
 
     Attributes:
@@ -65,7 +65,12 @@ class Stages(NamedTuple):
 
 @fused
 def update_tau_ext(
-    plant: Plant, space: Workspace, environment: Environment, row: int, q: Array, motion: Motion
+    plant: PlantTables,
+    space: Workspace,
+    environment: Environment,
+    row: int,
+    q: Array,
+    motion: PlantMotion,
 ) -> None:
     """Write tau_ext at (q, v); joints are placed for `update_acceleration`, which comes next.
 
@@ -82,7 +87,7 @@ def update_tau_ext(
 
 
 @fused
-def update_acceleration(plant: Plant, space: Workspace, motion: Motion) -> None:
+def update_acceleration(plant: PlantTables, space: Workspace, motion: PlantMotion) -> None:
     """Write the acceleration under motors, environment and friction, by ABA; see `PinocchioDynamics`.
 
     Args:
@@ -97,7 +102,7 @@ def update_acceleration(plant: Plant, space: Workspace, motion: Motion) -> None:
 
 
 @fused
-def damp(plant: Plant, v: Array, h: float) -> None:
+def damp(plant: PlantTables, v: Array, h: float) -> None:
     """Let friction act at the end of a step h: h·D(v) joins the armature, D(v)·v = tau_f(v).
 
     Args:
@@ -111,7 +116,7 @@ def damp(plant: Plant, v: Array, h: float) -> None:
 
 
 @fused
-def undamp(plant: Plant) -> None:
+def undamp(plant: PlantTables) -> None:
     """Give the plant its own armature back."""
     for j in range(len(plant.armature)):
         plant.arm.joints[j, ARMATURE] = plant.armature[j]
@@ -146,7 +151,7 @@ def integrate(arm: ArmTables, q: Array, h: float, v: Array, q_next: Array) -> No
 
 
 @fused
-def euler_step(plant: Plant, motion: Motion, h: float) -> None:
+def euler_step(plant: PlantTables, motion: PlantMotion, h: float) -> None:
     """Semi-implicit Euler: v⁺ = v + h·a, q⁺ = q (+) h·v⁺."""
     v = motion.v
     for j in range(len(v)):
@@ -156,12 +161,12 @@ def euler_step(plant: Plant, motion: Motion, h: float) -> None:
 
 @routine
 def runge_kutta_step(
-    plant: Plant,
+    plant: PlantTables,
     space: Workspace,
     environment: Environment,
     stages: Stages,
     row: int,
-    motion: Motion,
+    motion: PlantMotion,
     h: float,
 ) -> None:
     """The classical Runge-Kutta method in the tangent space at q; see `runge_kutta_4`.
@@ -175,7 +180,7 @@ def runge_kutta_step(
         motion: At the step's begin, acceleration included.
         h: The step [s].
     """
-    trial = Motion(stages.q, stages.v, motion.a, motion.tau, motion.tau_ext)
+    trial = PlantMotion(stages.q, stages.v, motion.a, motion.tau, motion.tau_ext)
     _start_sums(motion, stages)
     _stage(plant, space, environment, row + 1, motion, h / 2.0, trial)
     _add_stage(trial, 2.0, stages)
@@ -189,20 +194,20 @@ def runge_kutta_step(
 
 
 @fused
-def _start_sums(motion: Motion, stages: Stages) -> None:
+def _start_sums(motion: PlantMotion, stages: Stages) -> None:
     for j in range(len(motion.v)):
         stages.v[j], stages.v_sum[j], stages.a_sum[j] = motion.v[j], motion.v[j], motion.a[j]
 
 
 @routine
 def _stage(
-    plant: Plant,
+    plant: PlantTables,
     space: Workspace,
     environment: Environment,
     row: int,
-    start: Motion,
+    start: PlantMotion,
     h: float,
-    trial: Motion,
+    trial: PlantMotion,
 ) -> None:
     """Write the state reached after h with the rates of the stage before, and the acceleration there."""
     integrate(plant.arm, start.q, h, trial.v, trial.q)
@@ -213,7 +218,7 @@ def _stage(
 
 
 @fused
-def _add_stage(trial: Motion, weight: float, stages: Stages) -> None:
+def _add_stage(trial: PlantMotion, weight: float, stages: Stages) -> None:
     for j in range(len(trial.v)):
         stages.v_sum[j] += weight * trial.v[j]
         stages.a_sum[j] += weight * trial.a[j]

@@ -8,31 +8,31 @@ import numpy as np
 
 from ..._common.arrays import Array
 from ...control.compiled.block import COLUMNS
-from ...control.compiled.kernels import DT
+from ...control.compiled.law import DT
 from ...control.compiled.pack import can_pack, pack_law, scratch
 from ...interaction import Interaction
 from ...law.impedance import ImpedanceFilter
 from ...robot.arm_model import ArmModel
 from ...robot.compiled.tables import ArmTables, workspace
 from ...trajectories import Reference
-from .environment_tables import Drive, EnvironmentTables, can_sample
-from .log import Figures, RunLog, no_figures
-from .pinocchio_loop import Between
-from .plant import Motion, Plant, Stages
-from .rollout import (
+from .environment import Drive, EnvironmentTables, can_sample
+from .log import MetricSums, RunLog, no_figures
+from .loop import (
     DIVERGED,
     FINISHED,
     RUNGE_KUTTA,
     SEMI_IMPLICIT,
     STIFF,
     UNSOUND,
+    Between,
     Clock,
     Controlled,
+    LoopWorkspace,
     Memory,
     ReferenceSamples,
-    TickWorkspace,
     rollout,
 )
+from .plant import PlantMotion, PlantTables, Stages
 
 STEPS_AT_ONCE = 4096
 """Physics steps in a block: between two of them the interpreter gets its turn, a few milliseconds apart."""
@@ -108,9 +108,9 @@ class World:
         nv = plant.nv
         self.controlled = controlled
         own = tables._replace(joints=tables.joints.copy())
-        self.plant = Plant(own, np.array(plant.armature))
+        self.plant = PlantTables(own, np.array(plant.armature))
         self.surroundings = EnvironmentTables(interaction, plant)
-        motion = Motion(q, v, *np.zeros((3, nv)))
+        motion = PlantMotion(q, v, *np.zeros((3, nv)))
         self.memory = Memory(motion, np.zeros((nv, COLUMNS)), np.zeros((nv, COLUMNS)))
         self.settings, self.dt = settings, float(controlled.law.gains[0, DT])
 
@@ -136,7 +136,7 @@ class World:
         )
 
     def between(
-        self, block: range, reference: Reference, drive: Drive, desk: TickWorkspace, journal: RunLog
+        self, block: range, reference: Reference, drive: Drive, desk: LoopWorkspace, journal: RunLog
     ) -> Between:
         """Return what the kernels between Pinocchio's algorithms need for a block; see `run`."""
         environment, motion = self.surroundings.driven(drive), self.memory.motion
@@ -150,9 +150,9 @@ class World:
         block: range,
         reference: Reference,
         drive: Drive,
-        desk: TickWorkspace,
+        desk: LoopWorkspace,
         journal: RunLog,
-        figures: Figures | None = None,
+        figures: MetricSums | None = None,
     ) -> Outcome:
         """Do a block of ticks, without the interpreter's lock.
 
@@ -182,11 +182,7 @@ def controlled(controller: Any, tables: ArmTables) -> Controlled:
         tables: Those of its arm.
     """
     arm, own = controller.arm, controller._filter
-    law = pack_law(
-        arm.nv, controller.dt, own, controller.surface, controller.reaching, controller.limits,
-        controller.model,
-    )  # fmt: skip
-    return Controlled(tables, law, _target(own, arm.nv))
+    return Controlled(tables, pack_law(controller._law), _target(own, arm.nv))
 
 
 def _target(impedance_filter: ImpedanceFilter, nv: int) -> Array:
@@ -199,10 +195,10 @@ def _target(impedance_filter: ImpedanceFilter, nv: int) -> Array:
     return np.hstack(matrices)
 
 
-def desk(nq: int, nv: int) -> TickWorkspace:
+def desk(nq: int, nv: int) -> LoopWorkspace:
     """Return work space for arms of this size."""
     stages = Stages(np.zeros(nq), *np.zeros((3, nv)))
-    return TickWorkspace(
+    return LoopWorkspace(
         scratch(nv), workspace(nv), workspace(nv), stages, np.zeros(nq), *np.zeros((3, nv))
     )
 

@@ -84,14 +84,14 @@ def push(task: Task, rng: np.random.Generator) -> Experiment:
     """A hand pushes the tool for two seconds; the arm carries a mass, as in all that follow."""
     draws = Draws(task, rng)
     wrench = Push(draws.wrench(3.0, 8.0), start=1.5, duration=2.0, rise=0.3)
-    return draws.experiment(draws.loaded(task.arm), wrench=wrench)
+    return draws.experiment(draws.loaded(task.arm), environment=wrench)
 
 
 def chirp(task: Task, rng: np.random.Generator) -> Experiment:
     """A force at the tool whose frequency rises from 0.2 to 4 Hz."""
     draws = Draws(task, rng)
     wrench = FrameWrench(Chirp(draws.wrench(2.0, 5.0)))
-    return draws.experiment(draws.loaded(task.arm), wrench=wrench)
+    return draws.experiment(draws.loaded(task.arm), environment=wrench)
 
 
 def wall(task: Task, rng: np.random.Generator) -> Experiment:
@@ -102,7 +102,7 @@ def wall(task: Task, rng: np.random.Generator) -> Experiment:
     here, there = (task.arm.frame_placement(trajectory(t).q)[1] for t in instants)
     stiffness = draws.log_uniform("wall_stiffness", 1e3, 1e4)
     met = Wall((here + there) / 2.0, here - there, stiffness, damping=20.0)
-    return draws.experiment(plant, trajectory=trajectory, wrench=met)
+    return draws.experiment(plant, trajectory=trajectory, environment=met)
 
 
 def noise(task: Task, rng: np.random.Generator) -> Experiment:
@@ -123,7 +123,7 @@ def no_force_sensor(task: Task, rng: np.random.Generator) -> Experiment:
     draws = Draws(task, rng)
     wrench = Push(draws.wrench(3.0, 8.0), start=1.5, duration=2.0, rise=0.3)
     sensor = MomentumObserver(task.model, OBSERVER_GAIN, task.dt)
-    return draws.experiment(draws.loaded(task.arm), wrench=wrench, sensor=sensor)
+    return draws.experiment(draws.loaded(task.arm), environment=wrench, sensor=sensor)
 
 
 def drives(task: Task, rng: np.random.Generator) -> Experiment:

@@ -1,14 +1,19 @@
-"""The closed loop by compiled code, block of ticks by block."""
+"""The closed loop by compiled code, block of ticks by block: all of it, or what lies between Pinocchio's algorithms.
+
+`closed_loop.run` specifies what both compute.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from .._numba.notices import say_once
-from ..control.compiled.warm_up import is_available
+from .._numba import warn_once
+from ..control.backends import is_available
 from ..control.controller import ImpedanceController
 from ..control.errors import check_measurements
+from ..control.tick import NumpyTick
 from ..exceptions import UnsupportedJointError
 from ..interaction import Perfect
 from ..trajectories import Reference
@@ -19,7 +24,7 @@ from .sampling import sample, tick_times
 
 if TYPE_CHECKING:
     from ..robot.compiled.tables import ArmTables
-    from .compiled.rollout import Controlled
+    from .compiled.loop import Between, Controlled
     from .compiled.world import World
 
 STATES = 20
@@ -62,6 +67,87 @@ def run_compiled(
     return loop.result(channels, loop.ticks + 1)
 
 
+def run_around_pinocchio(
+    loop: ClosedLoop, on_tick: OnTick | None, checkpoint: Checkpoint | None = None
+) -> SimulationResult | None:
+    """Run a closed loop with kernels between Pinocchio's algorithms; None where it has no such form.
+
+    Raises:
+        DivergenceError: A joint left every sensible range.
+        InputError: The reference or the environment is not what a controller takes.
+        SnapshotError: The checkpoint is of another run, or damaged.
+    """
+    controller: Any = loop.controller
+    if reason_against(loop) is not None or isinstance(controller._form, NumpyTick):
+        return None
+    if loop.integrator != "semi-implicit" or loop.friction_is_stiff():
+        return None
+    from ..robot.compiled.tables import arm_tables  # noqa: PLC0415 (Numba is loaded when needed)
+    from .compiled.world import controlled  # noqa: PLC0415
+
+    loop = replace(loop, plant=loop.plant.copy())
+    try:
+        known = controlled(controller, arm_tables(controller.arm))
+        world = new_world(loop, known, arm_tables(loop.plant))
+    except UnsupportedJointError:
+        return None
+    return _AroundPinocchio(loop, world).run(on_tick, checkpoint)
+
+
+class _AroundPinocchio:
+    """One run."""
+
+    def __init__(self, loop: ClosedLoop, world: World) -> None:
+        from .compiled.log import journal  # noqa: PLC0415 (Numba is loaded when needed)
+        from .compiled.world import desk  # noqa: PLC0415
+
+        self.loop, self.world = loop, world
+        nq, nv = loop.plant.nq, loop.plant.nv
+        self.channels, self.desk = empty_channels(loop.ticks + 1, nq, nv), desk(nq, nv)
+        self.journal = journal(self.channels)
+        controller: Any = loop.controller
+        self.tick, self.own = controller._form.in_place(world.memory.motion.tau)
+
+    def run(self, on_tick: OnTick | None, checkpoint: Checkpoint | None) -> SimulationResult | None:
+        """Run it; None where the compiled tick refuses inputs that the readable one takes."""
+        loop, world = self.loop, self.world
+        for block in blocks_to_do(loop, world, self.channels, checkpoint):
+            times = tick_times(block, loop.controller.dt)
+            reference = sample(loop.controller.arm, loop.trajectory, times)
+            drive = world.surroundings.sampled(world.times(block))
+            between = world.between(block, reference, drive, self.desk, self.journal)
+            refused = self._run_block(block, between, on_tick)
+            if refused is not None:
+                check_inputs(loop, world, reference, refused - block.start)
+                return None
+        return loop.result(self.channels, loop.ticks + 1)
+
+    def _run_block(self, block: range, between: Between, on_tick: OnTick | None) -> int | None:
+        """Run a block of ticks; return the one whose inputs are refused."""
+        from .._numba.layouts.tables import hold  # noqa: PLC0415
+        from .compiled.loop import GOES_ON, loop_kernels  # noqa: PLC0415
+
+        begin, act, move = loop_kernels(between)
+        held, desk, (q, v, _, _, tau_ext) = hold(between), between.desk, between.motion
+        tick, own, memory = self.tick, self.own, between.block
+        aba, torque = self.loop.plant.raw_dynamics.aba, between.torque
+        reference, substeps = Reference(desk.q_d, desk.v_d, desk.a_d), range(self.loop.substeps)
+        begin(held)
+        for k in block:
+            if not tick(own, memory, q, v, reference, tau_ext):
+                return k
+            act(held)
+            for i in substeps:
+                joint = move(held, aba(q, v, torque), k, i)
+                if joint != GOES_ON:
+                    raise self.loop.divergence(k, joint, self.channels)
+                if k == self.loop.ticks:
+                    break
+            if on_tick is not None:
+                on_tick(k, self.loop.ticks)
+        return None
+
+
 def blocks_to_do(
     loop: ClosedLoop, world: World, channels: dict[str, Any], checkpoint: Checkpoint | None
 ) -> Iterable[range]:
@@ -95,6 +181,8 @@ def verified_world(loop: ClosedLoop, known: dict[int, Controlled], states: int) 
     Raises:
         ModelError: The compiled dynamics of an arm are not Pinocchio's.
     """
+    if isinstance(loop.controller, ImpedanceController) and loop.controller.backend == "numpy":
+        return None
     if not is_available("rollout"):
         return None
     from ..robot.compiled.dynamics import CompiledDynamics  # noqa: PLC0415 (Numba is loaded when needed)
@@ -110,7 +198,7 @@ def verified_world(loop: ClosedLoop, known: dict[int, Controlled], states: int) 
             return new_world(loop, known[key], CompiledDynamics(loop.plant, states).tables)
     except UnsupportedJointError as error:
         reason = f"'{loop.plant.name}': {error}"
-    say_once(f"the run is left to Python and Pinocchio for {reason}")
+    warn_once(f"the run is left to Python and Pinocchio for {reason}")
     return None
 
 

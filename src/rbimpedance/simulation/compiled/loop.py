@@ -1,4 +1,8 @@
-"""The closed loop as one compiled function: tick, log, physics steps, tick by tick over a block of ticks."""
+"""The closed loop in compiled code, over a block of ticks: tick, log, physics steps.
+
+`_rollout` is all of it as one function. The kernels of `LoopKernels` are the parts of the same loop that lie between
+Pinocchio's algorithms, which only Python can call.
+"""
 
 from __future__ import annotations
 
@@ -11,19 +15,20 @@ from numba.np.numpy_support import from_dtype
 from numpy.typing import NDArray
 
 from ..._common.arrays import Array
-from ..._numba.array_arguments import Borrowed
 from ..._numba.compile import fused, kernel
+from ..._numba.layouts.arrays import Borrowed
+from ..._numba.layouts.tables import Held, opened
 from ...control.compiled.block import A_R, TAU
-from ...control.compiled.kernels import Law, Measured, Scratch
-from ...control.compiled.limits import within_limits
-from ...control.compiled.tick import EXCEEDED, after_torque, before_torque, is_sound, model_torque
-from ...robot.compiled import rigid_body
+from ...control.compiled.law import LawTables, Scratch, TickInputs
+from ...control.compiled.tick import whole_tick
+from ...robot.compiled.dynamics import VECTOR_IN
+from ...robot.compiled.rigid_body import friction
 from ...robot.compiled.tables import ArmTables, Workspace
 from .environment import Environment
-from .log import Figures, RunLog, impedance_error, note, write
+from .log import MetricSums, RunLog, impedance_error, note, write
 from .plant import (
-    Motion,
-    Plant,
+    PlantMotion,
+    PlantTables,
     Stages,
     damp,
     euler_step,
@@ -56,7 +61,7 @@ class Controlled(NamedTuple):
     """
 
     arm: ArmTables
-    law: Law
+    law: LawTables
     target: Array
 
 
@@ -69,12 +74,12 @@ class Memory(NamedTuple):
         odd: Of the one before an odd one.
     """
 
-    motion: Motion
+    motion: PlantMotion
     even: Array
     odd: Array
 
 
-class TickWorkspace(NamedTuple):
+class LoopWorkspace(NamedTuple):
     """Work space: nothing in it outlives a tick.
 
     Attributes:
@@ -128,14 +133,14 @@ class Clock(NamedTuple):
 
 def _rollout(
     controlled: Controlled,
-    plant: Plant,
+    plant: PlantTables,
     environment: Environment,
     wish: ReferenceSamples,
     memory: Memory,
-    desk: TickWorkspace,
+    desk: LoopWorkspace,
     clock: Clock,
     journal: RunLog,
-    figures: Figures,
+    figures: MetricSums,
 ) -> int:
     """Do the ticks from `FIRST` to before `END`, each with the period after it, which the last one does not have."""
     ticks, motion = clock.ticks, memory.motion
@@ -148,7 +153,7 @@ def _rollout(
         block = memory.odd if is_even else memory.even
         take_reference(wish, k - ticks[FIRST], desk)
         update_tau_ext(plant, desk.plant, environment, row, motion.q, motion)
-        if not _tick(controlled, desk, motion, state, block):
+        if not _control(controlled, desk, motion, state, block):
             clock.outcome[TICK] = k
             return UNSOUND
         update_acceleration(plant, desk.plant, motion)
@@ -165,7 +170,7 @@ def _rollout(
 
 
 @fused
-def take_reference(wish: ReferenceSamples, i: int, desk: TickWorkspace) -> None:
+def take_reference(wish: ReferenceSamples, i: int, desk: LoopWorkspace) -> None:
     """Write the reference of the i-th tick of a block to the desk."""
     i = min(i, len(wish.q) - 1)
     for j in range(len(desk.q_d)):
@@ -175,19 +180,14 @@ def take_reference(wish: ReferenceSamples, i: int, desk: TickWorkspace) -> None:
 
 
 @fused
-def _tick(
-    controlled: Controlled, desk: TickWorkspace, motion: Motion, state: Array, block: Array
+def _control(
+    controlled: Controlled, desk: LoopWorkspace, motion: PlantMotion, state: Array, block: Array
 ) -> bool:
-    """One tick of the controller, told the truth; whether its inputs were sound."""
-    arm, law, work = controlled.arm, controlled.law, desk.scratch
-    given = Measured(motion.q, motion.v, desk.q_d, desk.v_d, desk.a_d, motion.tau_ext)
-    if not is_sound(arm, given):
+    """Do a tick of the controller, and hand its torque to the plant; False for inputs that are not sound."""
+    given = TickInputs(motion.q, motion.v, desk.q_d, desk.v_d, desk.a_d, motion.tau_ext)
+    arm, law, space, work = controlled.arm, controlled.law, desk.control, desk.scratch
+    if not whole_tick(arm, law, space, work, state, given, block):
         return False
-    before_torque(arm, law, work, state, given, block)
-    model_torque(arm, desk.control, law, work, given)
-    if after_torque(arm, law, work.torque, motion.v, motion.tau_ext, state, block) == EXCEEDED:
-        rigid_body.mass_matrix(arm, desk.control, work.mass)
-        within_limits(law, work, state, block)
     for j in range(len(motion.tau)):
         motion.tau[j] = block[j, TAU]
     return True
@@ -196,12 +196,12 @@ def _tick(
 @fused
 def record(
     controlled: Controlled,
-    desk: TickWorkspace,
-    motion: Motion,
+    desk: LoopWorkspace,
+    motion: PlantMotion,
     k: int,
     block: Array,
     journal: RunLog,
-    figures: Figures,
+    figures: MetricSums,
 ) -> None:
     """Write a tick to the journal and the figures of merit."""
     e3, e_im = desk.v_d, desk.e_im  # the reference has done its work
@@ -216,13 +216,13 @@ def record(
 
 @fused
 def _physics_step(
-    plant: Plant,
+    plant: PlantTables,
     environment: Environment,
-    desk: TickWorkspace,
+    desk: LoopWorkspace,
     clock: Clock,
     row: int,
     is_first: bool,
-    motion: Motion,
+    motion: PlantMotion,
 ) -> None:
     """One step of the plant; the acceleration at the first one of a period is known from the tick."""
     h, integrator = clock.step[0], clock.ticks[INTEGRATOR]
@@ -275,3 +275,119 @@ def own_type(value: Any) -> types.Type:
     if type(value) is tuple:  # of arrays of one kind
         return types.UniTuple(own_type(value[0]), len(value))
     return types.NamedTuple([own_type(part) for part in value], type(value))
+
+
+GOES_ON = -1
+"""What `move` returns; else the joint that left every range."""
+
+
+class Between(NamedTuple):
+    """Everything that the kernels read and write in a block of ticks.
+
+    Attributes:
+        controlled: The controller.
+        plant: The simulated arm.
+        environment: What pushes.
+        wish: The reference.
+        motion: Of the plant.
+        desk: Work space, with the reference of the tick at hand.
+        clock: Which ticks, and how.
+        journal: Where the channels go.
+        figures: Where the figures of merit go.
+        block: Of the controller's tick.
+        torque: What forward dynamics are to take, without friction in it, shape (nv,).
+    """
+
+    controlled: Controlled
+    plant: PlantTables
+    environment: Environment
+    wish: ReferenceSamples
+    motion: PlantMotion
+    desk: LoopWorkspace
+    clock: Clock
+    journal: RunLog
+    figures: MetricSums
+    block: Array
+    torque: Array
+
+
+class LoopKernels(NamedTuple):
+    """Compiled entry points, each called with what `hold` makes of a `Between`.
+
+    Attributes:
+        begin: Writes what the first tick of a block is to see.
+        act: Writes the sum of the torques after a tick.
+        move: With the acceleration, tick and physics step: logs, takes the step, and writes what comes next.
+    """
+
+    begin: Callable[..., Any]
+    act: Callable[..., Any]
+    move: Callable[..., Any]
+
+
+_LOOP_KERNELS: list[LoopKernels] = []
+
+
+def loop_kernels(between: Between) -> LoopKernels:
+    """Compile the entry points, or load them from the disk.
+
+    Args:
+        between: An example of what they take.
+    """
+    if not _LOOP_KERNELS:
+        held = Held(own_type(between))
+        _LOOP_KERNELS.append(
+            LoopKernels(
+                kernel(_begin, (held,)),
+                kernel(_act, (held,)),
+                kernel(_move, (held, VECTOR_IN, types.int64, types.int64)),
+            )
+        )
+    return _LOOP_KERNELS[0]
+
+
+def _begin(held: Any) -> int:
+    _look(opened(held), 0, 0)
+    return 0
+
+
+def _act(held: Any) -> int:
+    _sum_torques(opened(held))
+    return 0
+
+
+def _move(held: Any, a: Array, k: int, i: int) -> int:
+    loop = opened(held)
+    motion, ticks = loop.motion, loop.clock.ticks
+    for j in range(len(a)):
+        motion.a[j] = a[j]
+    if i == 0:
+        record(loop.controlled, loop.desk, motion, k, loop.block, loop.journal, loop.figures)
+    if k == ticks[LAST]:
+        return GOES_ON
+    euler_step(loop.plant, motion, loop.clock.step[0])
+    joint = runaway(motion.v, loop.clock.step[1])
+    if joint >= 0:
+        return joint
+    if i + 1 < ticks[SUBSTEPS]:
+        _look(loop, k - ticks[FIRST], i + 1)
+        _sum_torques(loop)
+    elif k + 1 < ticks[END]:
+        _look(loop, k + 1 - ticks[FIRST], 0)
+    return GOES_ON
+
+
+@fused
+def _look(loop: Between, k: int, i: int) -> None:
+    """Write what pushes at a physics step, and the reference if it is the first of a tick."""
+    row = k * loop.clock.ticks[SUBSTEPS] + i
+    update_tau_ext(loop.plant, loop.desk.plant, loop.environment, row, loop.motion.q, loop.motion)
+    if i == 0:
+        take_reference(loop.wish, k, loop.desk)
+
+
+@fused
+def _sum_torques(loop: Between) -> None:
+    motion, joints = loop.motion, loop.plant.arm.joints
+    for j in range(len(motion.v)):
+        loop.torque[j] = motion.tau[j] + motion.tau_ext[j] - friction(joints, j, motion.v[j])

@@ -1,7 +1,7 @@
-"""The elementwise part of a tick, joint by joint, in the words of its specification.
+"""The formulas of a tick for one joint: filter, errors, surface, reaching law; and the tables that they read.
 
-What each function computes is said in `impedance`, `surfaces`, `super_twisting` and `limits`, whose NumPy form these
-mirror in strict IEEE arithmetic. Where a power is needed twice it is taken once, the only liberty.
+They are those of `impedance`, `surfaces` and `super_twisting`, whose NumPy form is the specification, in strict IEEE
+arithmetic. A power that is needed twice is taken once.
 """
 
 from __future__ import annotations
@@ -14,18 +14,16 @@ from numpy.typing import NDArray
 
 from ..._common.arrays import Array
 from ..._numba.compile import inline
+from ...robot.compiled.tables import CONTINUOUS, KIND, Q_INDEX, ArmTables
+from .block import A_R, FLAGS, NEXT_Q_E, NEXT_V_E, PAIR, Q_R, Q_R_SIN
 
-# Columns of `Law.gains`, one row a joint.
+# Columns of `LawTables.gains`, one row a joint.
 DT, GAMMA, EXPONENT, RATE, SMOOTHING, INNER_SLOPE, INNER_CURVE, BETA = 0, 1, 2, 3, 4, 5, 6, 7
 K1, K2, MARGIN = 8, 9, 10
-EFFORT, TORQUE_STEP, SEEN = (
-    11,
-    12,
-    13,
-)  # largest torque, change of it in a period, and error; infinite where there is none
+EFFORT, TORQUE_STEP, SEEN = 11, 12, 13  # largest torque, change of it, and error; may be infinite
 GAINS = 14
 
-# Entries of `Law.choices`.
+# Entries of `LawTables.choices`.
 SURFACE, SCHEME, FILTER, KNOWLEDGE = 0, 1, 2, 3
 POWER, FAST_TERMINAL, NONSINGULAR_TERMINAL = 0, 1, 2
 EXPLICIT, MATCHED, IMPLICIT = 0, 1, 2
@@ -33,7 +31,7 @@ DECOUPLED, COUPLED, GIVEN = 0, 1, 2
 FULL, MASS_ONLY = 0, 1
 
 
-class Law(NamedTuple):
+class LawTables(NamedTuple):
     """Everything of a controller but its arm.
 
     Attributes:
@@ -48,7 +46,7 @@ class Law(NamedTuple):
     choices: NDArray[np.int64]
 
 
-class Measured(NamedTuple):
+class TickInputs(NamedTuple):
     """What a tick is given.
 
     Attributes:
@@ -129,7 +127,7 @@ def angle_between(cos0: float, sin0: float, cos1: float, sin1: float) -> float:
 
 
 @inline
-def surface(law: Law, j: int, e1: float, e2: float) -> tuple[float, float, float]:
+def surface(law: LawTables, j: int, e1: float, e2: float) -> tuple[float, float, float]:
     """S, feed-forward and hold gain of joint j (paper, eqs. 6 to 8); see `BoundedSurface` for the bound."""
     bound = law.gains[j, SEEN]
     seen = min(max(e1, -bound), bound)
@@ -140,7 +138,7 @@ def surface(law: Law, j: int, e1: float, e2: float) -> tuple[float, float, float
 
 
 @inline
-def _unbounded_surface(law: Law, j: int, e1: float, e2: float) -> tuple[float, float, float]:
+def _unbounded_surface(law: LawTables, j: int, e1: float, e2: float) -> tuple[float, float, float]:
     gains, kind = law.gains, law.choices[0, SURFACE]
     if kind == POWER:
         return _power_surface(gains, j, e1, e2)
@@ -185,7 +183,7 @@ def _nonsingular_terminal_surface(
 
 @inline
 def reaching(
-    law: Law, j: int, s: float, z: float, x: float, a: float
+    law: LawTables, j: int, s: float, z: float, x: float, a: float
 ) -> tuple[float, float, float, float]:
     """U, and the next z, x and a, of joint j (paper, eq. 8)."""
     gains, scheme = law.gains, law.choices[0, SCHEME]
@@ -214,3 +212,51 @@ def _implicit(
     z_next = z + h * xi
     u = k1_term / h + k2 * z_next - (x - s) / h
     return u, z_next, x_next, x_next - x + k1_term
+
+
+@inline
+def filter_step(
+    law: LawTables, scratch: Scratch, j: int, state: Array, tau_ext: Array, block: Array
+) -> tuple[float, float, float]:
+    """a_e, and the next q_e and v_e, of joint j (paper, eq. 3)."""
+    F, kind, n = law.filter, law.choices[0, FILTER], len(tau_ext)
+    if kind == DECOUPLED:
+        x, v, t = state[j, NEXT_Q_E], state[j, NEXT_V_E], tau_ext[j]
+        return (
+            F[j, 0] * x + F[j, 1] * v + F[j, 2] * t,
+            F[j, 3] * x + F[j, 4] * v + F[j, 5] * t,
+            F[j, 6] * x + F[j, 7] * v + F[j, 8] * t,
+        )
+    if kind == COUPLED:
+        return scratch.filtered[j], scratch.filtered[n + j], scratch.filtered[2 * n + j]
+    return block[j, A_R], block[j, NEXT_Q_E], block[j, NEXT_V_E]
+
+
+@inline
+def couple_joints(law: LawTables, state: Array, tau_ext: Array, filtered: Array) -> None:
+    """Write a_e, and the next q_e and v_e, of all joints: column by column, in long loops."""
+    n = len(tau_ext)
+    filtered[:] = 0.0
+    for k in range(n):
+        _add_column(law.filter, k, state[k, NEXT_Q_E], filtered)
+        _add_column(law.filter, n + k, state[k, NEXT_V_E], filtered)
+        _add_column(law.filter, 2 * n + k, tau_ext[k], filtered)
+
+
+@inline
+def _add_column(F: Array, k: int, factor: float, total: Array) -> None:
+    for i in range(len(total)):
+        total[i] += F[k, i] * factor
+
+
+@inline
+def position_error(arm: ArmTables, j: int, q: Array, q_d: Array, q_e: float, block: Array) -> float:
+    """Write q_r = q_d (+) q_e of joint j, and return e1 = q_r (-) q (paper, eq. 4)."""
+    i = arm.topology[j, Q_INDEX]
+    if arm.topology[j, KIND] != CONTINUOUS:
+        q_r = q_d[i] + q_e
+        block[j, Q_R], block[j, Q_R_SIN], block[j, FLAGS] = q_r, 0.0, 0.0
+        return float(q_r - q[i])
+    cos, sin = add_angle(q_d[i], q_d[i + 1], q_e)
+    block[j, Q_R], block[j, Q_R_SIN], block[j, FLAGS] = cos, sin, PAIR
+    return angle_between(q[i], q[i + 1], cos, sin)

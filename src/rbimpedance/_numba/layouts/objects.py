@@ -1,8 +1,8 @@
-"""State and reference on their way into a kernel, output and next state on their way out.
+"""Python objects on their way into a kernel and out of it.
 
 To take named tuples apart in Python, and to make an array and two objects there, costs as much as the tick. The kernels
-do it themselves: they look into `PackedState` and `Reference`, and make `PackedOutput` and the next `PackedState` by
-Python's C API. What comes in is checked first; anything else is a `TypeError`.
+do it themselves: they look into objects whose one slot holds numbers as bytes, and into named tuples of vectors, and
+make such objects by Python's C API. What comes in is checked first; anything else is a `TypeError`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numba.core import cgutils
 from numba.core.datamodel import models
 from numba.extending import NativeValue, box, intrinsic, register_model, unbox
 
-from ..._numba.array_arguments import (
+from .arrays import (
     BYTE,
     HEAD,
     POINTER,
@@ -30,43 +30,44 @@ from ..._numba.array_arguments import (
     put_array,
     symbol_of,
 )
-from ...trajectories import Reference
-from .block import COLUMNS, PackedOutput, PackedState
 
 _PACKED = ir.LiteralStructType([*HEAD, POINTER])
 _BYTES = ir.LiteralStructType([*HEAD, SIZE, SIZE, BYTE])
-_PARTS = len(Reference._fields)
 _MORE_HEAD = ir.ArrayType(BYTE, tuple.__basicsize__ - object.__basicsize__ - 8)
-_TUPLE = ir.LiteralStructType([*HEAD, SIZE, _MORE_HEAD, ir.ArrayType(POINTER, _PARTS)])
-_ROW = COLUMNS * 8
-_STATE, _OUTPUT, _REFERENCE = map(symbol_of, (PackedState, PackedOutput, Reference))
+_ITEMSIZE = 8
 _BLOCK = symbol_of(bytes)
 
 
-class StateIn(Borrowed):
-    """Type of a state: a `PackedState`, or a block of its caller's own, which the kernel may overwrite."""
+class BlockArgument(Borrowed):
+    """Type of a block of numbers: in the one slot of an object, or an array of the caller's, which may be overwritten.
 
-    def __init__(self) -> None:
+    Args:
+        packed: Class of the object.
+        columns: Of the block.
+    """
+
+    def __init__(self, packed: type, columns: int) -> None:
+        self.packed, self.columns = symbol_of(packed), columns
         super().__init__(types.float64, 2)
-        self.name = "state"
+        self.name = f"block({self.packed}, {columns})"
 
 
-register_model(StateIn)(BorrowedModel)
+register_model(BlockArgument)(BorrowedModel)
 
 
-@unbox(StateIn)  # type: ignore[untyped-decorator]
-def _unbox_state(kind: StateIn, obj: Any, c: Any) -> NativeValue:
+@unbox(BlockArgument)  # type: ignore[untyped-decorator]
+def _unbox_block(kind: BlockArgument, obj: Any, c: Any) -> NativeValue:
     builder = c.builder
     native = c.context.make_array(kind)(c.context, builder)
     fails = cgutils.alloca_once_value(builder, cgutils.true_bit)
-    with builder.if_else(is_instance(obj, _STATE, builder), likely=True) as (packed, other):
+    with builder.if_else(is_instance(obj, kind.packed, builder), likely=True) as (packed, other):
         with packed:
             block = field(builder, builder.bitcast(obj, _PACKED.as_pointer()), 2)
             with builder.if_then(_is_bytes(block, builder), likely=True):
                 content = builder.bitcast(block, _BYTES.as_pointer())
-                rows = builder.udiv(field(builder, content, 2), SIZE(_ROW))
+                rows = builder.udiv(field(builder, content, 2), SIZE(kind.columns * _ITEMSIZE))
                 data = cgutils.gep_inbounds(builder, content, 0, 4)
-                put_array(kind, native, data, [rows, SIZE(COLUMNS)], builder)
+                put_array(kind, native, data, [rows, SIZE(kind.columns)], builder)
                 builder.store(cgutils.false_bit, fails)
         with other, builder.if_then(is_plain_array(kind, obj, builder)):
             fill(kind, native, obj, builder)
@@ -85,37 +86,44 @@ def _is_bytes(obj: Any, builder: Any) -> Any:
     return builder.load(verdict)
 
 
-class ReferenceIn(types.UniTuple):  # type: ignore[misc]
-    """Type of a `Reference` of plain vectors.
+class VectorsArgument(types.UniTuple):  # type: ignore[misc]
+    """Type of a named tuple of plain vectors.
 
     Args:
+        named_tuple: Its class.
         vector: Type of a vector.
     """
 
-    def __init__(self, vector: Borrowed) -> None:
-        super().__init__(vector, _PARTS)
-        self.name = f"reference({vector})"
+    def __init__(self, named_tuple: Any, vector: Borrowed) -> None:
+        super().__init__(vector, len(named_tuple._fields))
+        self.named_tuple = symbol_of(named_tuple)
+        self.name = f"vectors({self.named_tuple}, {vector})"
 
     @property
     def key(self) -> str:
         """What tells two of these types apart."""
         return str(self.name)
 
-    def __unliteral__(self) -> ReferenceIn:
+    def __unliteral__(self) -> VectorsArgument:
         return self
 
 
-register_model(ReferenceIn)(models.UniTupleModel)
+register_model(VectorsArgument)(models.UniTupleModel)
 
 
-@unbox(ReferenceIn)  # type: ignore[untyped-decorator]
-def _unbox_reference(kind: ReferenceIn, obj: Any, c: Any) -> NativeValue:
+def _layout(kind: VectorsArgument) -> Any:
+    return ir.LiteralStructType([*HEAD, SIZE, _MORE_HEAD, ir.ArrayType(POINTER, kind.count)])
+
+
+@unbox(VectorsArgument)  # type: ignore[untyped-decorator]
+def _unbox_vectors(kind: VectorsArgument, obj: Any, c: Any) -> NativeValue:
     builder = c.builder
     value = cgutils.alloca_once(builder, c.context.get_value_type(kind))
     fails = cgutils.alloca_once_value(builder, cgutils.true_bit)
-    with builder.if_else(_is_reference(obj, builder), likely=True) as (given, other):
+    with builder.if_else(_is_named_tuple(kind, obj, builder), likely=True) as (given, other):
         with given:
-            items = cgutils.gep_inbounds(builder, builder.bitcast(obj, _TUPLE.as_pointer()), 0, 4)
+            content = builder.bitcast(obj, _layout(kind).as_pointer())
+            items = cgutils.gep_inbounds(builder, content, 0, 4)
             failed = cgutils.false_bit
             for i in range(kind.count):
                 part = c.unbox(kind.dtype, field(builder, items, i))
@@ -123,54 +131,64 @@ def _unbox_reference(kind: ReferenceIn, obj: Any, c: Any) -> NativeValue:
                 failed = builder.or_(failed, part.is_error)
             builder.store(failed, fails)
         with other:
-            c.pyapi.err_set_string("PyExc_TypeError", "not a Reference")
+            c.pyapi.err_set_string("PyExc_TypeError", f"not a {kind.named_tuple}")
     return NativeValue(builder.load(value), is_error=builder.load(fails))
 
 
-def _is_reference(obj: Any, builder: Any) -> Any:
+def _is_named_tuple(kind: VectorsArgument, obj: Any, builder: Any) -> Any:
     verdict = cgutils.alloca_once_value(builder, cgutils.false_bit)
-    with builder.if_then(is_instance(obj, _REFERENCE, builder), likely=True):
-        size = field(builder, builder.bitcast(obj, _TUPLE.as_pointer()), 2)
-        builder.store(builder.icmp_signed("==", size, SIZE(_PARTS)), verdict)
+    with builder.if_then(is_instance(obj, kind.named_tuple, builder), likely=True):
+        size = field(builder, builder.bitcast(obj, _layout(kind).as_pointer()), 2)
+        builder.store(builder.icmp_signed("==", size, SIZE(kind.count)), verdict)
     return builder.load(verdict)
 
 
-class Answer(types.Type):  # type: ignore[misc]
-    """Type of what a kernel returns by `answer`: (output, next state); True; or None."""
+class PairResult(types.Type):  # type: ignore[misc]
+    """Type of what a kernel returns by `returned`: two objects around one block of numbers; True; or None.
 
-    def __init__(self) -> None:
-        super().__init__("answer")
+    Args:
+        first: Class of the first object.
+        second: Class of the second.
+    """
+
+    def __init__(self, first: type, second: type) -> None:
+        self.classes = symbol_of(first), symbol_of(second)
+        super().__init__(f"pair({self.classes})")
 
 
 NOTHING, DONE, OBJECTS = 0, 1, 2
-"""What to return: None, True, or output and next state."""
+"""What to return: None, True, or the two objects."""
 
 
-@register_model(Answer)
-class _AnswerModel(models.StructModel):  # type: ignore[misc]
-    def __init__(self, manager: Any, kind: Answer) -> None:
-        members = [("which", types.int64), ("data", types.voidptr), ("rows", types.int64)]
+@register_model(PairResult)
+class _PairModel(models.StructModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, kind: PairResult) -> None:
+        members = [("which", types.int64), ("data", types.voidptr), ("size", types.int64)]
         super().__init__(manager, kind, members)
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def answer(typing: Any, which: Any, block: Borrowed) -> Any:
-    """Return what the caller gets: one of the constants above, and the block that the objects are made of."""
-    del typing, which
+def returner(kind: PairResult) -> Any:
+    """Return the function with which a kernel returns one of the constants above, and the block for the objects."""
 
-    def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        array = context.make_array(block)(context, builder, arguments[1])
-        native = cgutils.create_struct_proxy(signature.return_type)(context, builder)
-        native.which = arguments[0]
-        native.data = builder.bitcast(array.data, POINTER)
-        native.rows = builder.extract_value(array.shape, 0)
-        return native._getvalue()
+    @intrinsic  # type: ignore[untyped-decorator]
+    def returned(typing: Any, which: Any, block: Borrowed) -> Any:
+        del typing, which
 
-    return Answer()(types.int64, block), emit
+        def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            array = context.make_array(block)(context, builder, arguments[1])
+            native = cgutils.create_struct_proxy(signature.return_type)(context, builder)
+            native.which = arguments[0]
+            native.data = builder.bitcast(array.data, POINTER)
+            native.size = builder.mul(array.nitems, array.itemsize)
+            return native._getvalue()
+
+        return kind(types.int64, block), emit
+
+    return returned
 
 
-@box(Answer)  # type: ignore[untyped-decorator]
-def _box(kind: Answer, value: Any, c: Any) -> Any:
+@box(PairResult)  # type: ignore[untyped-decorator]
+def _box(kind: PairResult, value: Any, c: Any) -> Any:
     builder, api = c.builder, c.pyapi
     native = cgutils.create_struct_proxy(kind)(c.context, builder, value)
     is_nothing = builder.icmp_signed("==", native.which, SIZE(NOTHING))
@@ -179,18 +197,17 @@ def _box(kind: Answer, value: Any, c: Any) -> Any:
     makes_objects = builder.icmp_signed("==", native.which, SIZE(OBJECTS))
     with builder.if_else(makes_objects, likely=True) as (objects, other):
         with objects:
-            size = builder.mul(native.rows, SIZE(_ROW))
-            block = api.bytes_from_string_and_size(native.data, size)
-            builder.store(_pair(block, c), result)
+            block = api.bytes_from_string_and_size(native.data, native.size)
+            builder.store(_pair(kind, block, c), result)
         with other:
             api.incref(word)
     return builder.load(result)
 
 
-def _pair(block: Any, c: Any) -> Any:
-    """Emit the making of output and next state around a block, in a tuple; null where memory is out."""
+def _pair(kind: PairResult, block: Any, c: Any) -> Any:
+    """Emit the making of the two objects around a block, in a tuple; null where memory is out."""
     builder, api = c.builder, c.pyapi
-    made = [block, _new(_OUTPUT, c), _new(_STATE, c), api.tuple_new(2)]
+    made = [block, *(_new(symbol, c) for symbol in kind.classes), api.tuple_new(2)]
     pair = cgutils.alloca_once_value(builder, made[-1])
     is_complete = cgutils.true_bit
     for thing in made:

@@ -15,7 +15,7 @@ from numba import types
 from numba.core.datamodel import models
 from numba.extending import NativeValue, intrinsic, register_model, unbox
 
-from .array_arguments import address_of_data
+from .arrays import address_of_data
 
 
 class Held(types.Type):  # type: ignore[misc]

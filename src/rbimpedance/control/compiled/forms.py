@@ -1,4 +1,4 @@
-"""The tick of an `ImpedanceController` by compiled code, in the two ways that its `backend` chooses between."""
+"""The compiled forms of the tick: around Pinocchio's algorithms, and with compiled ones."""
 
 from __future__ import annotations
 
@@ -9,21 +9,20 @@ from typing import Any, cast
 import numpy as np
 
 from ..._common.arrays import Array, vector
-from ..._numba.table_arguments import hold
-from ...law.impedance import TargetFilter
+from ..._numba.layouts.tables import hold
 from ...robot.arm_model import ArmModel
 from ...robot.compiled.dynamics import CompiledDynamics
 from ...robot.compiled.tables import coordinate_tables, workspace
 from ...robot.mimic_dynamics import pinocchio_dynamics
-from ..protocol import Step
 from ..telemetry import ControllerState
+from ..tick import ControlLaw, Step
 from .block import A_R, COLUMNS, NEXT_Q_E, NEXT_V_E, PackedState
-from .entry import Fixed, Own, after_kernel, before_kernel, limit_kernel, whole_kernel
-from .kernels import EFFORT, FILTER, FULL, GIVEN, KNOWLEDGE, TORQUE_STEP, Law
-from .pack import scratch
+from .law import EFFORT, FILTER, FULL, GIVEN, KNOWLEDGE, TORQUE_STEP
+from .pack import pack_law, scratch
+from .tick import LawWords, TickWords, after_kernel, before_kernel, limit_kernel, whole_kernel
 
 
-class TickWorkspace:
+class PinocchioWorkspace:
     """What one tick around Pinocchio's RNEA at a time works with besides its arguments.
 
     Attributes:
@@ -45,28 +44,28 @@ class TickWorkspace:
         self.held = hold(self.scratch)
 
 
-_WORKSPACES: weakref.WeakKeyDictionary[ArmModel, list[TickWorkspace]] = weakref.WeakKeyDictionary()
+_WORKSPACES: weakref.WeakKeyDictionary[ArmModel, list[PinocchioWorkspace]] = (
+    weakref.WeakKeyDictionary()
+)
 
 
-class Tick:
-    """What the two ways have in common. Threads may share one.
+class CompiledForm:
+    """What the two forms have in common. Threads may share one.
 
     Attributes:
         step: The tick, and what it takes as its first argument.
 
     Args:
-        arm: The controller's arm.
-        law: Its law.
-        impedance_filter: Its filter; called where the law has no table for it.
+        law: The controller's law; its filter is called where there is no table for it.
     """
 
-    def __init__(self, arm: ArmModel, law: Law, impedance_filter: TargetFilter) -> None:
-        self._arguments = arm, law, impedance_filter
-        self.arm, self.law, self.filter = arm, law, impedance_filter
-        self.step = self.ticker(np.empty(0))
+    def __init__(self, law: ControlLaw) -> None:
+        self.arm, self.filter, self.law = law.arm, law.filter, pack_law(law)
+        self._control_law = law
+        self.step = self.in_place(np.empty(0))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), self._arguments
+        return type(self), (self._control_law,)
 
     def init(self) -> ControllerState:
         """Return the state before the first tick."""
@@ -78,16 +77,16 @@ class Tick:
         packed = given if type(given) is PackedState else PackedState.pack(state)
         return cast("ControllerState", packed)
 
-    def block(self, state: ControllerState) -> Array:
-        """Return a state in the form that a `ticker` takes, and writes to."""
+    def memory(self, state: ControllerState) -> Array:
+        """Return a state in the form that the tick of `in_place` takes, and writes to."""
         packed: Any = self.pack(state)
         return np.array(packed.rows)
 
-    def state(self, block: Array) -> ControllerState:
-        """Return the state that is in such a block."""
-        return cast("ControllerState", PackedState(block))
+    def state(self, memory: Array) -> ControllerState:
+        """Return the state that is in such a memory."""
+        return cast("ControllerState", PackedState(memory))
 
-    def ticker(self, tau: Array) -> tuple[Step, Any]:
+    def in_place(self, tau: Array) -> tuple[Step, Any]:
         """Return the tick that writes its torque to tau and the next state over the block of the one before.
 
         Args:
@@ -117,13 +116,13 @@ class Tick:
         block[:, NEXT_Q_E], block[:, NEXT_V_E] = self.filter.advance(q_e, v_e, torque)
 
 
-class FusedTick(Tick):
-    """A tick whose elementwise part is one kernel before Pinocchio's RNEA and one after it; see `Tick`."""
+class PinocchioTick(CompiledForm):
+    """A tick whose elementwise part is one kernel before Pinocchio's RNEA and one after it; see `CompiledForm`."""
 
-    def ticker(self, tau: Array) -> tuple[Step, Any]:
-        """See `Tick`."""
+    def in_place(self, tau: Array) -> tuple[Step, Any]:
+        """See `CompiledForm.in_place`."""
         arm, workspaces = self.arm, _WORKSPACES.setdefault(self.arm, [])
-        fixed = hold(Fixed(coordinate_tables(arm), self.law))
+        fixed = hold(LawWords(coordinate_tables(arm), self.law))
         before, after, limit = before_kernel(), after_kernel(), self._limit_kernel()
         knows_all = self.law.choices[0, KNOWLEDGE] == FULL
         put_filtered = self.put_filtered if self.is_filter_given() else None
@@ -132,7 +131,7 @@ class FusedTick(Tick):
             try:  # in the end there is one for each thread that needed one at once
                 workspace = workspaces.pop()
             except IndexError:
-                workspace = TickWorkspace(arm)
+                workspace = PinocchioWorkspace(arm)
             held, work = workspace.held, workspace.scratch
             try:
                 if put_filtered is not None:
@@ -156,21 +155,21 @@ class FusedTick(Tick):
         return limit_kernel() if is_limited else after_kernel()
 
 
-class CompiledTick(Tick):
-    """A tick that is one kernel, RNEA included; see `Tick`.
+class CompiledTick(CompiledForm):
+    """A tick that is one kernel, RNEA included; see `CompiledForm`.
 
     Raises:
         UnsupportedJointError: A joint that the tables cannot carry.
         ModelError: The compiled dynamics of the arm are not Pinocchio's.
     """
 
-    def ticker(self, tau: Array) -> tuple[Step, Any]:
-        """See `Tick`."""
+    def in_place(self, tau: Array) -> tuple[Step, Any]:
+        """See `CompiledForm.in_place`."""
         nv, tables = self.arm.nv, CompiledDynamics(self.arm).tables
         whole, free = whole_kernel(), list[Any]()
 
         def own() -> Any:
-            return hold(Own(tables, self.law, workspace(nv), scratch(nv), tau))
+            return hold(TickWords(tables, self.law, workspace(nv), scratch(nv), tau))
 
         def tick(_: Any, state: Any, q: Array, v: Array, reference: Any, tau_ext: Array) -> Any:
             try:
