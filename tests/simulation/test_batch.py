@@ -200,7 +200,7 @@ def test_other_threads_run_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
         ({"after": 0.02}, rbi.ParameterError, "after"),
         ({"q0": np.zeros((2, 6)), "v0": np.zeros((3, 6))}, rbi.DimensionError, "q0"),
         ({"q0": np.zeros((2, 5))}, rbi.DimensionError, "q0"),
-        ({"environment": []}, rbi.InputError, "environment"),
+        ({"environment": []}, rbi.InputError, "wrench"),
         ({"trajectory": []}, rbi.DimensionError, "trajectory"),
         ({"trajectory": lambda _: (np.full(6, np.nan),) * 3}, rbi.NonFiniteError, "reference"),
     ],
