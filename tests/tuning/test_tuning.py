@@ -302,9 +302,12 @@ INFEASIBLE: dict[str, dict[str, Any]] = {
     "far too slow": {"uncertainty": Uncertainty(payload=8.0, delay=4), "dt": 2e-2},
     "a run that ends too early": {"q0": [1.0, -1.0], "duration": 0.6, "dt": 4e-3},
     "more accuracy than noise allows": {
-        "uncertainty": Uncertainty(position_noise=1e-3),
-        "dt": 1e-2,
-        "duration": 1.0,
+        "uncertainty": Uncertainty(payload=1.0, position_noise=1e-4, velocity_noise=1e-3, delay=2),
+        "dt": 4e-3,
+        "duration": 3.0,
+        "samples": 8,
+        "accuracy": 2e-4,
+        "remedy_time": 20.0,
     },
     "a weak shoulder": {"limits": [40.0, 1e6], "dt": 1e-2},
 }
