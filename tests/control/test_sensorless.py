@@ -182,3 +182,20 @@ def test_values_that_cannot_be_are_refused(panda: rbi.ArmModel, make: Any) -> No
 def test_momentum_observer_has_a_bandwidth_that_its_period_allows(panda: rbi.ArmModel) -> None:
     assert rbi.MomentumObserver(panda).gain[0] == 100.0
     assert rbi.MomentumObserver(panda, dt=1e-2).gain[0] == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize("kind", ["compliant", "observer"])
+def test_guards_and_measured_periods_go_with_it(panda: rbi.ArmModel, kind: str) -> None:
+    controller: Any = {
+        "compliant": rbi.CompliantController(panda, STIFFNESS, reject=1.0),
+        "observer": rbi.SensorlessController(rigid(panda)),
+    }[kind]
+    reference = rbi.Reference(POSTURE, np.zeros(7), np.zeros(7))
+    state, guard = controller.init(), rbi.FaultGuard(controller)
+    output, state = controller.step(state, POSTURE, np.zeros(7), reference)
+    late, _ = controller.step(state, POSTURE, np.zeros(7), reference, period=1.5e-3)
+    guarded, _ = guard.step(guard.init(), POSTURE, np.zeros(7), reference, np.zeros(7))
+    np.testing.assert_allclose(guarded.tau, output.tau)
+    assert np.isfinite(late.tau).all()
+    with pytest.raises(rbi.InputError):
+        controller.step(state, POSTURE, np.zeros(7), reference, period=-1.0)

@@ -37,7 +37,9 @@ def swing(arm: rbi.ArmModel) -> Trajectory:
 def propose(
     arm: rbi.ArmModel, uncertainty: Uncertainty, dt: float = DT, **more: Any
 ) -> GainProposal:
-    return propose_gains(arm, uncertainty, swing(arm), dt, duration=3.0, samples=8, **more)
+    """A proposal; remedies are tried only where a test asks for them."""
+    settings: dict[str, Any] = {"remedy_time": 0.0} | more
+    return propose_gains(arm, uncertainty, swing(arm), dt, duration=3.0, samples=8, **settings)
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +54,7 @@ def accepted(two_link: rbi.ArmModel) -> GainProposal:
 
 @pytest.fixture(scope="module")
 def refused(two_link: rbi.ArmModel) -> GainProposal:
-    return propose(two_link, Uncertainty(payload=8.0, delay=4), dt=2e-2)
+    return propose(two_link, Uncertainty(payload=8.0, delay=4), dt=2e-2, remedy_time=np.inf)
 
 
 def late_error(proposal: GainProposal, sample: PlantSample) -> float:
@@ -300,9 +302,12 @@ INFEASIBLE: dict[str, dict[str, Any]] = {
     "far too slow": {"uncertainty": Uncertainty(payload=8.0, delay=4), "dt": 2e-2},
     "a run that ends too early": {"q0": [1.0, -1.0], "duration": 0.6, "dt": 4e-3},
     "more accuracy than noise allows": {
-        "uncertainty": Uncertainty(position_noise=1e-3),
-        "dt": 1e-2,
-        "duration": 1.0,
+        "uncertainty": Uncertainty(payload=1.0, position_noise=1e-4, velocity_noise=1e-3, delay=2),
+        "dt": 4e-3,
+        "duration": 3.0,
+        "samples": 8,
+        "accuracy": 2e-4,
+        "remedy_time": 20.0,
     },
     "a weak shoulder": {"limits": [40.0, 1e6], "dt": 1e-2},
 }
@@ -340,7 +345,7 @@ def test_a_run_that_ends_before_the_arm_has_arrived_is_told_to_last_longer(
 def test_without_time_no_remedy_is_told_and_the_explanation_says_so(
     two_link: rbi.ArmModel,
 ) -> None:
-    proposal = propose(two_link, Uncertainty(payload=8.0, delay=4), dt=2e-2, remedy_time=0.0)
+    proposal = propose(two_link, Uncertainty(payload=8.0, delay=4), dt=2e-2)
     assert not proposal.remedies
     assert not proposal.tried.complete
     assert "no time" in proposal.explain()
@@ -470,7 +475,8 @@ def swing_soon(arm: rbi.ArmModel) -> Trajectory:
 
 
 def propose_within(arm: rbi.ArmModel, limits: Any, **changes: Any) -> GainProposal:
-    settings: dict[str, Any] = {"uncertainty": UNKNOWN, "trajectory": swing_soon(arm)} | changes
+    settings: dict[str, Any] = {"uncertainty": UNKNOWN, "trajectory": swing_soon(arm)}
+    settings |= {"remedy_time": 0.0} | changes
     return propose_gains(arm, dt=DT, duration=3.0, samples=8, limits=limits, **settings)
 
 
@@ -488,7 +494,7 @@ def needed(unhindered: GainProposal) -> Array:
 
 @pytest.fixture(scope="module")
 def weak_shoulder(two_link: rbi.ArmModel, needed: Array) -> GainProposal:
-    return propose_within(two_link, [0.9 * needed[0], 1e6])
+    return propose_within(two_link, [0.9 * needed[0], 1e6], remedy_time=np.inf)
 
 
 def test_torque_that_a_pendulum_needs_has_a_closed_form() -> None:
@@ -588,7 +594,7 @@ def number_in(pattern: str, text: str) -> float:
 def test_no_motion_is_slow_enough_for_a_joint_that_cannot_hold_the_arm(
     two_link: rbi.ArmModel,
 ) -> None:
-    proposal = propose_within(two_link, [10.0, 1e6])
+    proposal = propose_within(two_link, [10.0, 1e6], remedy_time=np.inf)
     assert not any("slower" in way or "payload" in way for way in proposal.remedies)
     assert any("actuators" in way for way in proposal.remedies)
 

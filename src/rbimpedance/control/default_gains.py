@@ -9,8 +9,9 @@ The gains tolerate, all at once,
 - one period of delay from the measurement to the torque.
 
 The bounds are taken over postures within the joint limits, by a formula and without simulation: a constructor has a
-hundredth of a second. What is not covered: a heavier payload, rotors that the description leaves out where the joint's
-own inertia is small, sensor noise, fast motion. `propose_gains` finds gains for those, and says where there are none.
+few hundredths of a second. What is not covered: a heavier payload, rotors that the description leaves out where the
+joint's own inertia is small, sensor noise, fast motion. `propose_gains` finds gains for those, and says where there are
+none.
 """
 
 from __future__ import annotations

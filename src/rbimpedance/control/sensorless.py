@@ -9,7 +9,7 @@ friction or model error and is compensated, what is beyond it counts as a push a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Generic, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,8 +24,9 @@ from ..robot.arm_model import ArmModel
 from ..trajectories import Reference
 from .baseline_law import coriolis_torque
 from .errors import check_measurements
-from .protocol import Controller, StateT
-from .telemetry import ControllerOutput
+from .protocol import WrappableController, checked_period
+from .telemetry import ControllerOutput, Situation
+from .wrapper import ControllerWrapper
 
 
 class Split(NamedTuple):
@@ -154,6 +155,7 @@ class CompliantController:
         v: ArrayLike,
         reference: Reference,
         tau_ext: ArrayLike | None = None,
+        period: float | None = None,
     ) -> tuple[ControllerOutput, CompliantState]:
         """Compute the torque of one tick.
 
@@ -163,6 +165,7 @@ class CompliantController:
             v: Measured velocity, shape (nv,) [rad/s or m/s].
             reference: Desired motion at this tick.
             tau_ext: Not used; there for whoever runs controllers of all kinds.
+            period: Checked, and not used: the law holds no time of its own [s].
 
         Returns:
             The output, with q_r = q_d, and the state for the next tick.
@@ -170,8 +173,11 @@ class CompliantController:
         Raises:
             DimensionError: Wrong shape or kind.
             NonFiniteError: An input holds NaN or infinity.
+            InputError: A period that `elapsed` refuses.
         """
         del tau_ext
+        if period is not None:
+            state = self.elapsed(state, period)
         nv, zero = self.arm.nv, np.zeros(self.arm.nv)
         q, v, desired, _ = check_measurements(self.arm, q, v, reference, zero)
         e1, e2 = self.arm.raw_dynamics.difference(q, desired.q), desired.v - v
@@ -200,6 +206,28 @@ class CompliantController:
             reference_limited=none.copy(),
         )
         return output, CompliantState(state.ticks + 1, observer, tau.copy())
+
+    def elapsed(self, state: CompliantState, period: float) -> CompliantState:
+        """Return the state as it is: the law holds no time of its own.
+
+        Args:
+            state: From the tick before.
+            period: Time since then [s].
+
+        Raises:
+            InputError: A period that is not possible, see `checked_period`.
+        """
+        checked_period(period, self.dt)
+        return state
+
+    def handover(self, state: CompliantState, now: Situation) -> CompliantState:
+        """Return the state with which the arm is taken over as it is now: nothing observed yet, the torque that acts.
+
+        Args:
+            state: The last state, or that of `init`.
+            now: The arm at the tick to come.
+        """
+        return self.init()._replace(ticks=max(state.ticks, 1), tau=np.array(now.tau))
 
     def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
         """Return e_im = M(q)(a_d - a) + (C + D) e2 + K e1, which is what acts beyond the model, less what is rejected.
@@ -254,7 +282,7 @@ class SensorlessState(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class SensorlessController(Generic[StateT]):
+class SensorlessController(ControllerWrapper[SensorlessState, ControllerOutput]):
     """A controller that needs tau_ext, with an observer in place of the force sensor.
 
     `SensorlessController(ImpedanceController(arm))` renders M_d, D_d and K_d from position and velocity alone. The
@@ -272,13 +300,12 @@ class SensorlessController(Generic[StateT]):
         DimensionError: It is for another number of joints.
     """
 
-    controller: Controller[StateT]
     sensor: Sensor[Any]
     reject: Array
 
     def __init__(
         self,
-        controller: Controller[StateT],
+        controller: WrappableController[Any],
         sensor: Sensor[Any] | None = None,
         *,
         reject: ArrayLike = 0.0,
@@ -291,16 +318,6 @@ class SensorlessController(Generic[StateT]):
             reject=not_negative("reject", reject, arm.nv),
         )
 
-    @property
-    def arm(self) -> ArmModel:
-        """The controller's own model of the arm."""
-        return self.controller.arm
-
-    @property
-    def dt(self) -> float:
-        """Control period [s]."""
-        return self.controller.dt
-
     def init(self) -> SensorlessState:
         """Return the state before the first tick: nothing felt yet."""
         return SensorlessState(self.controller.init(), self.sensor.init(), np.zeros(self.arm.nv))
@@ -312,6 +329,7 @@ class SensorlessController(Generic[StateT]):
         v: ArrayLike,
         reference: Reference,
         tau_ext: ArrayLike | None = None,
+        period: float | None = None,
     ) -> tuple[ControllerOutput, SensorlessState]:
         """Compute the torque of one tick; see `ImpedanceController.step`.
 
@@ -321,19 +339,37 @@ class SensorlessController(Generic[StateT]):
             v: Measured velocity, shape (nv,) [rad/s or m/s].
             reference: Desired motion at this tick.
             tau_ext: Not used; there for whoever runs controllers of all kinds.
+            period: Measured time since the tick before; dt if it is not given [s].
 
         Raises:
             DimensionError: Wrong shape or kind.
             NonFiniteError: An input holds NaN or infinity.
+            InputError: A period that `elapsed` refuses.
         """
         del tau_ext
-        zero = np.zeros(self.arm.nv)
+        return super().step(state, q, v, reference, np.zeros(self.arm.nv), period)
+
+    def handover(self, state: SensorlessState, now: Situation) -> SensorlessState:
+        """Return the state with which the arm is taken over as it is now: nothing felt yet, the torque that acts.
+
+        Args:
+            state: The last state, or that of `init`.
+            now: The arm at the tick to come.
+        """
+        inner = super().handover(state, now).inner
+        return SensorlessState(inner, self.sensor.init(), np.array(now.tau))
+
+    def _step(
+        self,
+        state: SensorlessState,
+        q: ArrayLike,
+        v: ArrayLike,
+        reference: Reference,
+        tau_ext: ArrayLike,
+    ) -> tuple[ControllerOutput, SensorlessState]:
+        zero = np.array(tau_ext)
         given = check_measurements(self.arm, q, v, reference, zero)
         unexplained, sensor = self.sensor.step(state.sensor, given[0], given[1], state.tau, zero)
         felt = split(unexplained, self.reject).felt
         output, inner = self.controller.step(state.inner, *given[:3], felt)
         return output, SensorlessState(inner, sensor, output.tau.copy())
-
-    def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
-        """Return e_im of the controller inside; see `ImpedanceController.impedance_error`."""
-        return self.controller.impedance_error(output, a)
