@@ -43,7 +43,7 @@ ERRORS: dict[str, tuple[rbi.RBImpedanceError, dict[str, object], str]] = {
         {"time": 0.25, "joint": "elbow", "result": "partial"},
         "the simulation diverged after t = 0.25 s at joint 'elbow'; "
         "the result so far is in the error's .result. Lower gains, a shorter period, "
-        "a smaller payload or known armature are the usual mends",
+        "a smaller payload or known armature are the usual remedies",
     ),
     "MissingExtraError": (
         rbi.MissingExtraError("the robot 'x'", "descriptions"),

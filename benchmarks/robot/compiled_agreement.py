@@ -42,7 +42,7 @@ def main() -> int:
 
 
 def load(source: str | Path) -> rbi.ArmModel:
-    """Load a robot as its refusals propose: with rotors, or with the joints locked that cannot be carried."""
+    """Load a robot as its refusals propose: with rotors, or with the unsupported joints locked."""
     locked: tuple[str, ...] = ()
     armature = None
     for _ in range(3):

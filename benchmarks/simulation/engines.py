@@ -322,8 +322,8 @@ def tables(figures: Mapping[str, Any]) -> dict[str, str]:
             case: _control_table([r for r in figures["control"] if r["case"] == case])
             for case in CASES
         },
-        "told": markdown(
-            ("range told [N·m]", "late e1_max [rad]", "torque variation [N·m/s]"), told
+        "range": markdown(
+            ("range given [N·m]", "late e1_max [rad]", "torque variation [N·m/s]"), told
         ),
         "contact": _contact_table(figures["contact"]),
     }

@@ -1,4 +1,4 @@
-"""The tick and the closed loop beside C++ and beside other libraries, on one arm, in one run."""
+"""The tick and the closed loop compared with C++ and other libraries, on one arm, in one run."""
 
 from __future__ import annotations
 
@@ -179,9 +179,9 @@ def _ticks(
     lines += [Line(name, {}, reason) for name, reason in started.reasons.items()]
     return Section(
         "peers",
-        "The tick beside C++ and other libraries: panda, 7 joints",
-        "Medians, all by turns in one run, each library in a process of its own and called from Python; the panda "
-        "without fingers, friction and meshes. Ours has the impedance filter, the terminal surface and the "
+        "The tick compared with C++ and other libraries: panda, 7 joints",
+        "Medians, all measured alternately in one run, each library in a process of its own and called from Python; "
+        "the panda without fingers, friction and meshes. Ours has the impedance filter, the terminal surface and the "
         "super-twisting law; the peers compute a torque as close to it as they offer: "
         f"M·(a_d + {KP:g}·e + {KD:g}·ė) + bias - tau_ext.",
         tuple(lines),
@@ -234,7 +234,7 @@ def _loops(
     lines += [Line(name, {}, reason) for name, reason in missing.items()]
     return Section(
         "peer-loops",
-        "A closed-loop step beside C++ and MuJoCo: panda, 7 joints",
-        "Medians, all by turns in one run, on the model of the table above.",
+        "A closed-loop step compared with C++ and MuJoCo: panda, 7 joints",
+        "Medians, all measured alternately in one run, on the model of the table above.",
         tuple(lines),
     )

@@ -48,7 +48,7 @@ def paced(setting: Setting) -> Section:
         "paced",
         f"One tick, paced at 1 kHz: {setting.robot}",
         f"{setting.plan.paced} periods; in each, every kind of tick once, at equal distances, with the process asleep "
-        f"in between, and a dict into a log. The program has {pacing.BALLAST} dicts with lists in memory beside it.",
+        f"in between, and a dict into a log. The program has {pacing.BALLAST} dicts with lists in memory.",
         tuple(lines),
     )
 

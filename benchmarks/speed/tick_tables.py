@@ -43,7 +43,7 @@ def tick(setting: Setting) -> Section:
     return Section(
         "tick",
         f"One tick, back to back: {setting.robot}, {setting.arm.nv} joints",
-        f"{setting.plan.ticks} ticks of each kind by turns, in chunks, over 64 states along a motion; fast terminal "
+        f"{setting.plan.ticks} ticks of each kind alternately, in chunks, over 64 states along a motion; fast terminal "
         "surface, matched scheme. Percentiles are compared with the same percentile of `pin.rnea`.",
         lines,
     )
@@ -72,7 +72,7 @@ def phases(setting: Setting) -> Section:
         "phases",
         f"Where the time of a tick goes: {setting.robot}",
         "Stages of the compiled code by differences, in a loop inside compiled code that sees one state over and over; "
-        'the model\'s torque of "pinocchio" is `pin.rnea` called from Python; what is left of the median tick is the '
+        'the model\'s torque of "pinocchio" is `pin.rnea` called from Python; the rest of the median tick is the '
         "last line.",
         tuple(lines),
     )

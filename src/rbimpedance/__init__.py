@@ -127,7 +127,7 @@ _sys.meta_path.append(_MovedModules())
 
 
 def __getattr__(name: str) -> object:
-    """Load what the package offers of its pictures when it is asked for."""
+    """Load the package's pictures on first use."""
     if name in _LOADED_WHEN_USED:
         return getattr(_leaf(_LOADED_WHEN_USED[name]), name)
     if name == "figures":

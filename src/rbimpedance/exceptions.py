@@ -26,7 +26,7 @@ class UnsupportedJointError(ModelError):
 
     Attributes:
         joints: Names of the joints.
-        reason: What is wrong with them and the way out.
+        reason: What is wrong with them and the remedy.
     """
 
     def __init__(self, joints: Sequence[str], reason: str) -> None:
@@ -149,7 +149,7 @@ class DivergenceError(RBImpedanceError, ArithmeticError):
         return (
             f"the simulation diverged after t = {self.time:.6g} s at joint '{self.joint}'; "
             "the result so far is in the error's .result. Lower gains, a shorter period, a smaller payload or known "
-            "armature are the usual mends"
+            "armature are the usual remedies"
         )
 
 
@@ -157,7 +157,7 @@ class MissingExtraError(RBImpedanceError, ImportError):
     """An optional dependency is not installed.
 
     Attributes:
-        feature: What was asked for.
+        feature: The requested feature.
         extra: Name of the optional extra that brings it.
     """
 

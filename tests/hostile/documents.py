@@ -228,7 +228,9 @@ def mimics() -> Iterator[Case]:
     yield of_text(
         "mimic nan", mimic('joint="shoulder" multiplier="nan"'), "ModelError", "multiplier .nan."
     )
-    yield of_text("mimic of a link", mimic('joint="hand"'), "UnsupportedJointError", "not there")
+    yield of_text(
+        "mimic of a link", mimic('joint="hand"'), "UnsupportedJointError", "does not exist"
+    )
     yield of_text(
         "two mimics", mimic('joint="shoulder"/><mimic joint="shoulder"'), "ModelError", "2 <mimic>"
     )
@@ -244,7 +246,10 @@ def mimics() -> Iterator[Case]:
         far = far.replace("NOBODY", "nobody" * 40 + str(i), 1)
     far = far.replace(f'<mimic joint="{"nobody" * 40}0"/>', "")
     yield of_text(
-        "300 mimics of nobody", far, "UnsupportedJointError", "not there; there are.*; ...; mend"
+        "300 mimics of nobody",
+        far,
+        "UnsupportedJointError",
+        "does not exist; there are.*; ...; correct",
     )
     circle = mimic('joint="shoulder"').replace(
         'friction="0.1"/>', 'friction="0.1"/><mimic joint="slide"/>'

@@ -27,10 +27,10 @@ def arguments() -> Iterator[Case]:
             "lock of everything",
             {"lock": ("shoulder", "slide")},
             "ModelError",
-            "no movable joint is left",
+            "no movable joint remains",
         ),
         ("lock of an escape", {"lock": "\x1b[31m"}, "ModelError", r"\\x1b"),
-        ("joints none", {"joints": []}, "ModelError", "no movable joint is left"),
+        ("joints none", {"joints": []}, "ModelError", "no movable joint remains"),
         ("joints unknown", {"joints": ["slid"]}, "ModelError", "did you mean 'slide'"),
         ("joints a number", {"joints": 5}, "ModelError", "takes names of joints"),
         ("tool frame unknown", {"tool_frame": "tol"}, "ModelError", "did you mean 'tool'"),
@@ -226,7 +226,7 @@ def objects() -> Iterator[Case]:
         "model frame far",
         lambda m: setattr(m.frames[3], "parentJoint", 10**6),
         "ModelError",
-        "not there",
+        "does not exist",
     )
     yield of_model(
         "model names twice", lambda m: m.names.__setitem__(2, "shoulder"), "ModelError", "same name"

@@ -121,7 +121,7 @@ def meshes() -> Iterator[Case]:
     for name, address in addresses.items():
         visual = f'<link name="tool"><visual><geometry><mesh filename="{address}"/></geometry></visual></link>'
         text = spoiled(('<link name="tool"/>', visual)).encode()
-        yield of_bytes(f"mesh {name}", text, "sound", "1 of 1 mesh files are not there, or outside")
+        yield of_bytes(f"mesh {name}", text, "sound", "1 of 1 mesh files are missing, or outside")
     yield change(
         "30000 meshes", '<link name="tool"/>', _many_meshes, "sound", "30000 mesh files are named"
     )

@@ -128,7 +128,7 @@ def test_mesh_is_shown_in_its_scale(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "word"),
-    [("none.stl", "it is not there"), ("bad.stl", "bad.stl"), ("no.xyz9", "no.xyz9")],
+    [("none.stl", "it does not exist"), ("bad.stl", "bad.stl"), ("no.xyz9", "no.xyz9")],
 )
 def test_mesh_that_cannot_be_shown_is_named_and_replaced(
     tmp_path: Path, name: str, word: str

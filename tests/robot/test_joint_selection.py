@@ -39,7 +39,7 @@ def test_follower_alone_cannot_be_kept() -> None:
 
 
 def test_robot_that_has_only_fixed_joints_is_refused() -> None:
-    with pytest.raises(rbi.ModelError, match="no movable joint is left"):
+    with pytest.raises(rbi.ModelError, match="no movable joint remains"):
         joints_to_lock((), {}, ("f",), None, ())
 
 

@@ -54,7 +54,7 @@ def test_repaired_file_reads_as_the_right_one(
     kind: str, old: str, new: str, right: str, said: str
 ) -> None:
     wrong = spoiled((old, new))
-    with pytest.raises(rbi.ModelError, match=rf'; repair="{kind}" mends this'):
+    with pytest.raises(rbi.ModelError, match=rf'; repair="{kind}" fixes this'):
         read(wrong)
     document, true = read(wrong, kind), read(spoiled((old, right)))
     assert (document.links, document.joints) == (true.links, true.joints)
@@ -152,9 +152,9 @@ def test_first_repair_is_offered_though_more_are_needed() -> None:
     wrong = spoiled(
         ('value="2.5"', 'value="2,5"'), ('lower="-1.5" upper="2"', 'lower="2" upper="1"')
     )
-    with pytest.raises(rbi.ModelError, match=r'"2,5" is wrong.*; repair="comma" mends this'):
+    with pytest.raises(rbi.ModelError, match=r'"2,5" is wrong.*; repair="comma" fixes this'):
         rbi.load_robot(wrong)
-    with pytest.raises(rbi.ModelError, match=r'above the upper.*; repair="limit-order" mends this'):
+    with pytest.raises(rbi.ModelError, match=r'above the upper.*; repair="limit-order" fixes this'):
         rbi.load_robot(wrong, repair="comma")
     notes = rbi.load_robot(wrong, repair=["comma", "limit-order"]).notes
     assert [note.partition(" ")[2].partition(" ")[0] for note in notes] == [

@@ -155,7 +155,7 @@ def test_packages_of_the_ros_environment_are_found(
         ),
         (
             {"joint": "a", "mas": 2},
-            r"does not ask for the argument 'mas' \(it asks for: (joint, )?mass",
+            r"has no argument 'mas' \(it has: (joint, )?mass",
         ),
         ({"joint": ["a"]}, "'joint' takes a text, a number or a truth value"),
         ([1, 2], "xacro_args= takes values by name"),

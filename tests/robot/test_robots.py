@@ -236,9 +236,9 @@ def test_joint_is_locked_inside_its_limits_by_default() -> None:
         ({"lock": "slid"}, "lock= names 'slid', which is no movable joint; did you mean 'slide'"),
         ({"joints": ["tlt"]}, "joints= names 'tlt'.*did you mean 'tilt'"),
         ({"joints": ["tool_joint"]}, "joints= names 'tool_joint', which is no movable joint"),
-        ({"lock": ["spin", "slide", "tilt"]}, "no movable joint is left"),
-        ({"joints": []}, "no movable joint is left"),
-        ({"joints": ["spin"], "lock": ["spin"]}, "'spin' stands both in joints= and in lock="),
+        ({"lock": ["spin", "slide", "tilt"]}, "no movable joint remains"),
+        ({"joints": []}, "no movable joint remains"),
+        ({"joints": ["spin"], "lock": ["spin"]}, "'spin' is both in joints= and in lock="),
         ({"locked_configuration": {"spin": 1.0}}, "'spin', which is not locked"),
         ({"lock": "spin", "locked_configuration": {"spin": np.nan}}, "'spin' takes one finite"),
         ({"tool_frame": "tol"}, "no frame 'tol'; did you mean 'tool'"),
@@ -463,7 +463,7 @@ def test_mimicking_joints_of_a_model_follow_their_locked_primary() -> None:
         (
             chain(("a", "revolute", ""), ("b", "revolute", follows("aa"))),
             ("b",),
-            "'b' mimics 'aa', which is not there; did you mean 'a'",
+            "'b' mimics 'aa', which does not exist; did you mean 'a'",
         ),
         (
             chain(("a", "fixed", ""), ("b", "revolute", follows("a")), ("c", "revolute", "")),
@@ -663,7 +663,7 @@ def test_element_that_pinocchio_dropped_is_an_error(monkeypatch: pytest.MonkeyPa
         return model
 
     monkeypatch.setattr(pin, "buildModelFromXML", drops_an_inertial)
-    with pytest.raises(rbi.ModelError, match=r"joint 'slide' carries 1\.5 kg, and 0\.0 kg"):
+    with pytest.raises(rbi.ModelError, match=r"joint 'slide' has a body of 1\.5 kg, but 0\.0 kg"):
         rbi.load_robot(spinner_urdf())
 
 
@@ -681,7 +681,7 @@ def test_inertia_that_pinocchio_reads_differently_is_an_error(
         return model
 
     monkeypatch.setattr(pin, "buildModelFromXML", misreads)
-    with pytest.raises(rbi.ModelError, match="what joint 'slide' carries has another inertia"):
+    with pytest.raises(rbi.ModelError, match="the body of joint 'slide' has a different inertia"):
         rbi.load_robot(spinner_urdf())
 
 

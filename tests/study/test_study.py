@@ -407,7 +407,7 @@ def test_study_stopped_by_hand_says_how_to_go_on_and_then_does(
     Path("mine.py").write_text(FILE, encoding="utf-8")
     command = ("study", "mine.py:STUDY", "--out", "out", "--samples", "1")
     assert call(monkeypatch, *command) == 130
-    said = "stopped: what is done is kept in 'out'; the same command goes on from there\n"
+    said = "stopped: what is done is kept in 'out'; the same command continues from there\n"
     assert capsys.readouterr().err == said
     Path("go").touch()
     assert call(monkeypatch, *command) == 0

@@ -44,7 +44,7 @@ FINE_BITS = 24  # 17 bits on the motor behind a gear of 100:1 are 23.6 to a turn
 ROTORS = (0.1, 0.5, 2.0)
 """Inertia of the rotors on the joints' side of the gears [kg·m²]."""
 DELAYS = (0, 2, 5, 10, 20)
-"""What a proposal is told, in ticks, until its law is quiet on elastic joints."""
+"""Delays given to a proposal, in ticks, until its law is quiet on elastic joints."""
 
 Said = Callable[[], None]
 
@@ -124,7 +124,7 @@ def _bounds(trial: Trial, halvings: int, is_default: bool, said: Said) -> dict[s
 
 
 def _honest(arm: rbi.ArmModel, plant: rbi.ArmModel, name: str, said: Said) -> dict[str, Any]:
-    """A proposal that is told what encoders of 19 bits do, and a delay for the lag, on hardware without springs."""
+    """A proposal for the noise of encoders of 19 bits and a delay for the lag, on hardware without springs."""
     hardware = Hardware(USUAL.time_constant, USUAL.ripple, USUAL.bits)
     told = rbi.QuantizedEncoders(
         propose(arm, name, 1e-3).controller(), resolution=resolution(USUAL.bits or 0)

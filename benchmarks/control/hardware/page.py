@@ -170,7 +170,7 @@ def _honest(rows: Rows) -> str:
 
 
 def draw(rows: Rows, path: Path) -> None:
-    """What chatters: roughness of every run with the default gains; and the lag that each set of gains bears."""
+    """Roughness of every run with the default gains, and the lag that each set of gains tolerates."""
     names = list(rows)
     figure, (left, right) = plt.subplots(1, 2, figsize=(10.0, 4.2), layout="constrained")
     kinds = {
@@ -195,7 +195,7 @@ def draw(rows: Rows, path: Path) -> None:
             word = f"{label}, {'measured' if j == 0 else 'linear theory'}"
             right.semilogy(places + 0.15 * (i - 1), bounds, marker, color=color, label=word)
     right.set_ylabel("largest time constant of the torque [ms]")
-    right.set_title(f"lag borne (roughness ≤ {ROUGHNESS:.0%}, error ≤ {1e3 * ACCURACY:g} mrad)")
+    right.set_title(f"tolerated lag (roughness ≤ {ROUGHNESS:.0%}, error ≤ {1e3 * ACCURACY:g} mrad)")
     for axes in (left, right):
         axes.set_xticks(places, names)
         axes.grid(alpha=0.3)

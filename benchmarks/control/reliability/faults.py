@@ -153,7 +153,7 @@ FAULTS: dict[str, Fault | None] = {
     "spike of 2 rad/s on v, 1 tick": in_ticks(1, add("v", 2.0)),
     "spike of 100 N·m on tau_ext, 1 tick": in_ticks(1, add("tau_ext", 100.0)),
     "tau_ext of a joint 20 N·m too high, 1 s": in_ticks(1000, bias),
-    "tau_ext told as zero, 1 s": in_ticks(
+    "tau_ext reported as zero, 1 s": in_ticks(
         1000, lambda w: w.inputs.update(tau_ext=0.0 * w.inputs["tau_ext"])
     ),
     "tau_ext NaN, 1 s": in_ticks(1000, add("tau_ext", np.nan)),

@@ -68,9 +68,9 @@ def port(case: str, tank: bool) -> tuple[float, float]:
 def passivity() -> str:
     """Measure the port of panda with and without a tank, and return the table."""
     words = {
-        "gains": "K_d from 50 to 250 N·m/rad whenever the spring lets go, and back, in a hand that only resists",
-        "sign": "tau_ext told with the wrong sign, in contact with a wall of 5 kN/m",
-        "bias": "tau_ext of joint 2 told with 20 N·m too much, at the same wall",
+        "gains": "K_d from 50 to 250 N·m/rad whenever the spring unloads, and back, in a hand that only resists",
+        "sign": "tau_ext with the wrong sign, in contact with a wall of 5 kN/m",
+        "bias": "tau_ext of joint 2 with an error of 20 N·m, at the same wall",
     }
     header = ("case", "energy given out, without [J]", "with the tank [J]", "peak speed [rad/s]")
     rows = []

@@ -25,7 +25,7 @@ GEARED = 0.1  # kg·m²
 def body(
     name: str, factor: float, gyration: float, lever: float, plants: int, seed: int
 ) -> Figures:
-    """Any payload from none to the largest; a yes is tested, and so is the way out of a no."""
+    """Any payload from none to the largest; feasible proposals are validated, and a remedy of infeasible ones."""
     arm = load(name)
     unknown = Uncertainty(
         payload=factor * ARMS[name],
@@ -59,7 +59,7 @@ def jobs(options: Options) -> list[Job]:
 
 
 def tables(data: Mapping[str, Any]) -> dict[str, str]:
-    """One row for each body, one column for each arm; and the largest mismatches of a yes."""
+    """One row for each body, one column for each arm; and the largest mismatches of feasible proposals."""
     rows = data["rows"]
     cases = {
         f"×{factor}, {gyration:g} m, {lever:g} m": {
@@ -75,15 +75,16 @@ def tables(data: Mapping[str, Any]) -> dict[str, str]:
     most = max(accepted, key=lambda row: row["rho"])
     empty = max(accepted, key=lambda row: row["empty"])
     words = [
-        f"{len(accepted)} of {len(rows)} are yes, up to ρ = {most['rho']:.3g} ({most['arm']}), which without a payload "
-        f"in the model were {most['empty']:.3g}; the largest ρ without one is {empty['empty']:.3g} ({empty['arm']}). "
-        f"Of {sum(row['plants'] for row in accepted)} runs {sum(row['diverged'] for row in accepted)} diverged; the "
-        f"worst error is {power(max(row['error'] for row in accepted))} rad."
+        f"{len(accepted)} of {len(rows)} are feasible, up to ρ = {most['rho']:.3g} ({most['arm']}), which without a "
+        f"payload in the model would be {most['empty']:.3g}; the largest ρ without one is {empty['empty']:.3g} "
+        f"({empty['arm']}). Of {sum(row['plants'] for row in accepted)} runs "
+        f"{sum(row['diverged'] for row in accepted)} diverged; the worst error is "
+        f"{power(max(row['error'] for row in accepted))} rad."
     ]
     if geared:
         words.append(
-            f"With rotors of {GEARED:g} kg·m² known, {len(geared)} of the {len(ways)} refusals become a yes; the worst "
-            f"error of their {sum(way['plants'] for way in geared)} runs is "
+            f"With rotors of {GEARED:g} kg·m² known, {len(geared)} of the {len(ways)} infeasible cases are feasible; "
+            f"the worst error of their {sum(way['plants'] for way in geared)} runs is "
             f"{power(max(way['error'] for way in geared))} rad, {sum(way['diverged'] for way in geared)} diverged."
         )
     table = by_arm("payload, radius of gyration, lever", rows, cases, _cell)
@@ -94,8 +95,8 @@ def _cell(row: Mapping[str, Any]) -> str:
     rho = f"ρ {row['empty']:.3g} → {row['rho']:.3g}"
     if row["feasible"]:
         return f"{rho}: {row['error']:.0e}"
-    way = f"{row['way']['error']:.0e}" if row["way"]["feasible"] else "no"
-    return f"{rho}: no, {row['joint']}; rotors known: {way}"
+    way = f"{row['way']['error']:.0e}" if row["way"]["feasible"] else "infeasible"
+    return f"{rho}: infeasible, {row['joint']}; rotors known: {way}"
 
 
 PARTS = {"bodies": Part(jobs, as_rows, tables)}

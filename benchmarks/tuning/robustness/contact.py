@@ -128,7 +128,7 @@ def tables(data: Mapping[str, Any]) -> dict[str, str]:
     header = (
         *("arm, pose", "plant", "contacts (alone)", "peak force [N] (alone)"),
         *("steady force [N] (alone)", "largest difference, share of the peak"),
-        *("energy into the wall [mJ]", "acceleration_deficit in the balance [mJ]"),
+        *("energy into the wall [mJ]", "residual of the balance [mJ]"),
     )
     first = [row for row in data["rows"] if row["place"] == FIRST]
     sensed = [
@@ -197,7 +197,7 @@ def _draw_energy(row: Mapping[str, Any], path: Path) -> None:
         parts.plot(t, energy[name], label=name)
     lost.plot(t, 1e3 * energy["acceleration_deficit"])
     parts.set(xlabel="t [s]", ylabel="[J]", title="where the energy goes")
-    lost.set(xlabel="t [s]", ylabel="[mJ]", title="what the balance lacks")
+    lost.set(xlabel="t [s]", ylabel="[mJ]", title="residual of the balance")
     parts.legend()
     figure.savefig(path, dpi=150)
     plt.close(figure)

@@ -1,4 +1,4 @@
-"""What is taken for contact: estimates of a swing that is pushed, while the model lacks this and that."""
+"""What momentum observers report as contact: estimates during a motion with pushes, with model errors."""
 
 from __future__ import annotations
 
@@ -119,9 +119,9 @@ def tables(data: Mapping[str, Any]) -> dict[str, str]:
             )
         )
     header = (
-        *("the model lacks", "torque that it lacks"),
+        *("model error", "torque error of the model"),
         "error of the estimate (momentum 50 rad/s, 200 rad/s, super-twisting)",
-        "the same, less what the model lacks",
+        "the same, minus the torque error of the model",
     )
     added = data["rows"][0]["seen"].values()
     noise = ", ".join(

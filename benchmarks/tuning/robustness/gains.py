@@ -143,7 +143,7 @@ def ranges_tables(data: Mapping[str, Any]) -> dict[str, str]:
         for row in data["rows"]
     ]
     header = (
-        *("arm", "largest payload, carried by the model [kg]", "input gain", "margin"),
+        *("arm", "largest payload, payload in the model [kg]", "input gain", "margin"),
         *("error, median [rad]", "error, worst [rad]"),
         "variation over what the motion needs, worst",
         "… over that of a controller that knows the same plant, worst",
@@ -234,7 +234,7 @@ def noise_tables(data: Mapping[str, Any]) -> dict[str, str]:
 
 
 def beyond(name: str, factor: float, lever: float, dt: float, plants: int, seed: int) -> Figures:
-    """More payload, a longer lever, a slower period; a yes is tested on plants that it has not seen."""
+    """More payload, a longer lever, a slower period; feasible proposals are validated on held-out plants."""
     arm = load(name)
     unknown = Uncertainty(
         payload=factor * ARMS[name], inertia_scale=1.1, payload_com=(0.0, 0.0, lever)
@@ -263,7 +263,7 @@ def beyond_tables(data: Mapping[str, Any]) -> dict[str, str]:
     diverged = sum(row["diverged"] for row in accepted)
     worst = max((row["error"] for row in accepted), default=np.nan)
     words = (
-        f"{len(accepted)} of {len(rows)} are yes; {diverged} of their "
+        f"{len(accepted)} of {len(rows)} are feasible; {diverged} of their "
         f"{sum(row['plants'] for row in accepted)} runs diverged; the worst error is {worst:.0e} rad."
     )
     table = by_arm("payload, lever, period", rows, cases, _beyond_cell)
@@ -271,7 +271,7 @@ def beyond_tables(data: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _beyond_cell(row: Mapping[str, Any]) -> str:
-    return f"{row['error']:.0e}" if row["feasible"] else f"no: {row['joint']}"
+    return f"{row['error']:.0e}" if row["feasible"] else f"infeasible: {row['joint']}"
 
 
 PARTS: dict[str, Part] = {

@@ -1,4 +1,4 @@
-"""Effort limits of the description switched on: how fast a motion may be, and whether yes and no are right."""
+"""Effort limits of the description switched on: how fast a motion may be, and whether the results are right."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ PERIODS = tuple(6.0 * 0.8**k for k in range(16))
 ACCURACY = 1e-2
 CLOSE = 1.01
 FASTER = (1.02, 1.1)
-"""How much faster than the verge a motion is put to the test."""
+"""How much faster than the verge a motion is tested."""
 
 
 def within_limits(name: str, locked: bool, plants: int, seed: int) -> Figures:
-    """The usual motion: yes or no, and the plants that a yes is for."""
+    """The usual motion: feasible or not, and the plants of a feasible proposal."""
     arm = load(name, lock=GRIPPERS.get(name, ()) if locked else ())
     unknown = Uncertainty(payload=ARMS[name], inertia_scale=1.1)
     proposal = propose(arm, unknown, motion(arm), DT, seed=seed, limits=arm.effort_limit)
@@ -36,7 +36,7 @@ def within_limits(name: str, locked: bool, plants: int, seed: int) -> Figures:
 
 
 def verge(name: str, plants: int, seed: int) -> Figures:
-    """The shortest period with a yes, and the same motion a little faster, which is a no."""
+    """The shortest feasible period, and the same motion a little faster, which is infeasible."""
     arm = load(name, lock=GRIPPERS.get(name, ()))
     unknown = Uncertainty(payload=ARMS[name], inertia_scale=1.1)
 
@@ -57,7 +57,7 @@ def verge(name: str, plants: int, seed: int) -> Figures:
 
 
 def _border(at: Callable[[float], GainProposal]) -> tuple[float, float]:
-    """The shortest period with a yes, and a hardly shorter one with a no."""
+    """The shortest feasible period, and a slightly shorter infeasible one."""
     good, bad = next(pair for pair in pairwise(PERIODS) if not at(pair[1]).feasible)
     while good / bad > CLOSE:
         middle = float(np.sqrt(good * bad))
@@ -66,7 +66,7 @@ def _border(at: Callable[[float], GainProposal]) -> tuple[float, float]:
 
 
 def _denied(at: Callable[..., GainProposal], period: float, factor: float) -> Figures:
-    """A motion faster than the verge: what the proposal says, and what the same law does within the limits."""
+    """A motion faster than the verge: the proposal's result, and the same law within the limits."""
     refused, free = at(period), at(period, None)
     row = _row(refused) | {"factor": factor, "period": period}
     if not free.feasible or refused.torque is None:
@@ -103,13 +103,13 @@ def collect(options: Options, answers: list[Any]) -> Figures:
 
 
 def tables(data: Mapping[str, Any]) -> dict[str, str]:
-    """Both tables, and the ways out of the refusals."""
+    """Both tables, and the remedies of the infeasible cases."""
     usual = [
         (
             row["arm"] if row["locked"] else f"{row['arm']}, its gripper moves, too",
             row["tightest"],
             f"{row['needed']:.3g} of {row['limit']:.3g}",
-            "yes" if row["feasible"] else f"no: lacks {row['lack']:.2g} N·m",
+            "feasible" if row["feasible"] else f"infeasible: {row['lack']:.2g} N·m missing",
             power(row.get("error")),
             f"{row.get('diverged', '–')} of {row['plants']}" if "plants" in row else "–",
             f"{row['saturated']:.1%}" if "saturated" in row else "–",
@@ -122,9 +122,9 @@ def tables(data: Mapping[str, Any]) -> dict[str, str]:
     )
     verges = [_verge_row(row) for row in data["verge"]]
     names = (
-        *("arm", "shortest period with a yes [s]", "error in the last second, worst [rad]"),
-        *("no at [s]", "because"),
-        *(f"{100.0 * (factor - 1.0):.0f} % faster: lacks; error" for factor in FASTER),
+        *("arm", "shortest feasible period [s]", "error in the last second, worst [rad]"),
+        *("infeasible at [s]", "reason"),
+        *(f"{100.0 * (factor - 1.0):.0f} % faster: missing torque; error" for factor in FASTER),
     )
     refused = [row for row in data["rows"] if not row["feasible"]]
     refused += [row["no"] for row in data["verge"]]
@@ -155,7 +155,7 @@ def _faster(case: Mapping[str, Any]) -> str:
 
 
 def _ways(row: Mapping[str, Any]) -> str:
-    return "Ways out: " + "; ".join(row["remedies"]) + "."
+    return "Remedies: " + "; ".join(row["remedies"]) + "."
 
 
 PARTS = {"limits": Part(jobs, collect, tables)}

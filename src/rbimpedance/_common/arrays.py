@@ -152,7 +152,7 @@ def real(name: str, value: ArrayLike, expected: str) -> Array:
 
 
 def is_finite(value: object) -> bool:
-    """Tell whether every number in a state or output is finite.
+    """Return whether every number in a state or output is finite.
 
     Args:
         value: An array, a number, or a tuple of such ones; everything that is no number counts as finite.

@@ -1,4 +1,4 @@
-"""Leaves of the package, which nothing imports: the one way to reach them from below, when they are asked for."""
+"""Leaves of the package, which nothing imports: the one way to reach them from below, on demand."""
 
 from __future__ import annotations
 

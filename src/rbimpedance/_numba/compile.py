@@ -1,6 +1,6 @@
 """How the kernels are compiled: with which floating-point rules, kept on disk how, called from Python how.
 
-Numba is imported here and in the `compiled` packages, and only once a kernel is asked for.
+Numba is imported here and in the `compiled` packages, and only when a kernel is needed.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def kernel(
         dispatcher._cache = _PackageCache(function)
     except RuntimeError:
         warn_once(
-            "compiling in every process anew, since no folder can be written to; set NUMBA_CACHE_DIR"
+            "compiling again in every process, since no folder can be written to; set NUMBA_CACHE_DIR"
         )
     dispatcher.compile(returns(*arguments))
     _KEPT_ALIVE.append(dispatcher)

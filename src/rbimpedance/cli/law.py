@@ -96,7 +96,7 @@ def tuned(
         task: What they are for.
         quiet: No progress bar.
         at_least: Least length of the motion [s].
-        accuracy: Error that is asked for [rad or m].
+        accuracy: Requested accuracy [rad or m].
     """
     arm, motion = task.arm, task.motion
     trajectory = motion.trajectory(arm)

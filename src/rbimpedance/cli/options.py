@@ -165,7 +165,7 @@ class OutputOptions:
 
 
 def numbers(option: str, text: str, *counts: int) -> Array:
-    """Read "1" or "1,2,3"; a single number stays a scalar unless a count is asked for.
+    """Read "1" or "1,2,3"; a single number stays a scalar unless a count is given.
 
     Args:
         option: Its name, for the error.

@@ -14,7 +14,7 @@ from .options import Json, Quiet
 from .terminal import print_json, print_table, stdout, table
 
 DOWNLOADED = "robot_descriptions"
-"""The source whose robots are downloaded when they are asked for."""
+"""The source whose robots are downloaded on demand."""
 
 _JOINT = re.compile(
     r"<joint\b[^>]*?\btype\s*=\s*[\"'](\w+)[\"'](?:[^>]*?/>|.*?</joint>)", re.DOTALL

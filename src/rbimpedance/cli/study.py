@@ -47,7 +47,7 @@ def study(
 ) -> None:
     """Run many controllers on many robots under many disturbances: one table, a summary, figures.
 
-    A study that was stopped goes on where it was when the same command is given again.
+    The same command continues a study that was stopped.
     """
     chosen = find_study(which).part(
         robots=tuple(robots or ()),
@@ -70,12 +70,14 @@ def study(
 def _rows(
     chosen: Study, folder: Path, jobs: int, scheduler: str | None, *, quiet: bool
 ) -> pa.Table:
-    """The table; Ctrl-C leaves with a word on how to go on."""
+    """The table; Ctrl-C exits with a message on how to continue."""
     try:
         with progress(chosen.name, quiet=quiet, every=1) as on_run:
             return run_study(chosen, folder, jobs=jobs, scheduler=scheduler, on_run=on_run)
     except KeyboardInterrupt:
-        words = f"stopped: what is done is kept in '{folder}'; the same command goes on from there"
+        words = (
+            f"stopped: what is done is kept in '{folder}'; the same command continues from there"
+        )
         stderr.print(words, soft_wrap=True, markup=False)
         raise typer.Exit(INTERRUPTED) from None
 

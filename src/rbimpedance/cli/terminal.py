@@ -59,7 +59,7 @@ def table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> T
 
 
 def print_table(built: Table) -> None:
-    """Print a table. In a terminal that is too narrow it goes on below itself, with its first column again."""
+    """Print a table. In a narrow terminal it continues below, with its first column repeated."""
     stdout.print(f"[bold]{built.title}[/bold]", soft_wrap=True, highlight=False)
     if not stdout.is_terminal:
         stdout.width = max(stdout.width, sum(map(_widest, built.columns)) + 1)

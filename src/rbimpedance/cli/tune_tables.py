@@ -38,7 +38,7 @@ def torque_table(proposal: GainProposal) -> Table | None:
     if demand is None:
         return None
     columns: tuple[Array, ...] = (demand.needed, demand.reserve, demand.limit, demand.lack)
-    header = ["needs [N m]", "wanted to spare [N m]", "limit [N m]", "lacks [N m]"]
+    header = ["needs [N m]", "reserve wanted [N m]", "limit [N m]", "lacks [N m]"]
     if np.isfinite(demand.rate_limit).any():
         columns += (demand.rate_needed, demand.rate_limit, demand.rate_lack)
         header += ["needs [N m/s]", "limit [N m/s]", "lacks [N m/s]"]
@@ -66,7 +66,7 @@ def worst_table(proposal: GainProposal) -> Table:
 
 
 def case_names(proposal: GainProposal) -> list[str]:
-    """What tells the worst samples apart."""
+    """Labels of the worst samples."""
     return [
         f"{i}: {case.sample.payload:.3g} kg, links x{case.sample.inertia_scale:.3g}"
         + (", noise" if case.noisy else "")

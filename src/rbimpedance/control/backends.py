@@ -1,4 +1,4 @@
-"""Who computes a tick: the form that each `backend` stands for. Numba is loaded only when one is asked for."""
+"""Who computes a tick: the form of each `backend`. Numba is loaded only when it is needed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def tick_form(backend: Backend, law: ControlLaw) -> TickForm:
 
     "numpy" is the specification. With "pinocchio" all is compiled but Pinocchio's own algorithms; with "compiled" those
     too, where the tables can describe the arm. Without a working Numba, and for a surface or reaching law of the user's
-    own, NumPy computes the tick. What is less than was asked for is logged, once.
+    own, NumPy computes the tick. A lesser form than requested is logged, once.
 
     Args:
         backend: The backend.

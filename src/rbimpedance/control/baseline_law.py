@@ -41,7 +41,7 @@ class BaselineState(NamedTuple):
 
 
 class BaselineTorque(NamedTuple):
-    """What a law makes of a tick: torque, sliding variable, acceleration added to a_r."""
+    """Result of a law at a tick: torque, sliding variable, acceleration added to a_r."""
 
     tau: Array
     s: Array

@@ -3,7 +3,7 @@
 They share its target, its reference q_r = q_d (+) q_e (paper, eqs. 3 and 4) and its figures e1, e2
 and e_im, so that `simulate` compares like with like, also where a law itself does not use q_r. All
 are immutable and pure. With `model="inertia"` a law knows M(q) and nothing else of the arm, as the
-controller in section 4 of the paper: whatever it would take from bias(q, v) is left out.
+controller in section 4 of the paper: terms from bias(q, v) are omitted.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class ComputedTorqueImpedance(MemorylessBaseline):
 
         tau = M(q)·{a_d + M_d⁻¹[D_d(v_d - v) + K_d(q_d - q) + tau_ext]} + bias(q, v) - tau_ext
 
-    With an exact model the arm has the target impedance; whatever the model does not know acts on it
+    With an exact model the arm has the target impedance; model errors act on it
     unopposed. It has no sliding variable: s is zero, and u is the feedback a - a_r.
 
     Args:

@@ -45,7 +45,7 @@ class ImpedanceController:
     place the arm is rigid: what is not measured is rejected like any other disturbance. Without a force sensor take a
     `CompliantController`, or put a `SensorlessController` around this one (docs/how-to/no-force-sensor.md).
 
-    `ImpedanceController(arm)` is complete: what is left out is computed from the arm, see `control.default_gains` for
+    `ImpedanceController(arm)` is complete: omitted parts are computed from the arm, see `control.default_gains` for
     what that tolerates.
 
     A controller is immutable. `step` is pure: the same arguments give the same, bit-equal answer, in any thread.
@@ -201,7 +201,7 @@ class ImpedanceController:
     def elapsed(self, state: ControllerState, period: float) -> ControllerState:
         """Return the state at a tick that comes a measured time after the one before, instead of dt after it.
 
-        The filter takes its step anew over the measured time, exact for the tau_ext that was held; the integral grows
+        The filter repeats its step over the measured time, exact for constant tau_ext; the integral grows
         in proportion. The law's own period stays dt, since the torque of this tick is expected to be held for dt.
 
         Args:
@@ -245,7 +245,7 @@ class ImpedanceController:
         )
 
     def with_impedance(self, impedance: TargetImpedance) -> ImpedanceController:
-        """Return the same controller with another target; a run goes on with the state that it has.
+        """Return the same controller with another target; a run continues with its present state.
 
         q_r and v_r do not jump at the change, only a_r does: with s and z as they were, the torque jumps by
         M(q)·Δa_e, where Δa_e is the change of a_e = M_d⁻¹(tau_ext - D_d·v_e - K_d·q_e) at the present q_e

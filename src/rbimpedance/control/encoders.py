@@ -30,7 +30,7 @@ class EncoderState(NamedTuple):
 
     Attributes:
         q: Configuration in whole counts at the tick before, shape (nq,), or None before the first tick.
-        v: Velocity that was told then, shape (nv,) [rad/s or m/s], or None.
+        v: Velocity measured then, shape (nv,) [rad/s or m/s], or None.
         inner: State of the controller.
     """
 

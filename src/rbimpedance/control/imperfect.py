@@ -51,7 +51,7 @@ class ImperfectController(ControllerWrapper[ImperfectState, ControllerOutput]):
 
     It is a controller itself: `simulate` takes it like any other. The noise is a function of the seed and the tick,
     so `step` stays pure and runs are reproducible. The logged errors are those that the controller sees; the true
-    ones are `arm.difference(q, q_r)`. Limits act on the torque that is asked for.
+    ones are `arm.difference(q, q_r)`. Limits act on the demanded torque.
 
     Attributes:
         controller: What is put behind the sensors.
@@ -59,7 +59,7 @@ class ImperfectController(ControllerWrapper[ImperfectState, ControllerOutput]):
         velocity_noise: The same on v [rad/s or m/s].
         delay: Ticks from a measurement to the torque that it leads to; until the first one has arrived, the
             measurement of t = 0 stands.
-        torque_constant: Torque that acts over torque that is asked for, scalar or (nv,).
+        torque_constant: Ratio of true to demanded torque, scalar or (nv,).
         seed: Of the noise.
 
     Raises:

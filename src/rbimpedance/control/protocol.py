@@ -84,7 +84,7 @@ def checked_period(period: float, dt: float) -> float:
     """
     words = (
         f"a time in (0, {LONGEST_PERIOD:g}·dt = {LONGEST_PERIOD * dt:g} s]; "
-        "after a longer pause take the arm over anew, as `SoftStart` does"
+        "after a longer pause restart the controller, as `SoftStart` does"
     )
     try:
         period = float(period)

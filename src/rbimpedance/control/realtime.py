@@ -50,7 +50,7 @@ class RealtimeController:
         return self._form.state(self._memory)
 
     def reset(self, state: ControllerState | None = None) -> None:
-        """Go on from another state.
+        """Continue from another state.
 
         Args:
             state: The state; `controller.init()` by default.

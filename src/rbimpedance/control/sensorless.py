@@ -286,7 +286,7 @@ class SensorlessController(ControllerWrapper[SensorlessState, ControllerOutput])
     """A controller that needs tau_ext, with an observer in place of the force sensor.
 
     `SensorlessController(ImpedanceController(arm))` renders M_d, D_d and K_d from position and velocity alone. The
-    observer takes for a push whatever the model does not explain; of that, the controller inside is told what exceeds
+    observer takes for a push whatever the model does not explain; of that, the controller inside gets what exceeds
     `reject`, and rejects the rest as it rejects any disturbance. The shaped inertia costs bandwidth: forces faster than
     the observer are resisted.
 

@@ -64,7 +64,7 @@ def save_snapshot(
 
 
 def load_snapshot(path: str | os.PathLike[str], controller: Controller[StateT]) -> StateT:
-    """Read a state that `save_snapshot` wrote, equal to the bit.
+    """Read a state that `save_snapshot` wrote, bitwise equal.
 
     Args:
         path: The file.
@@ -140,7 +140,7 @@ def restore(content: bytes, template: Any, identity: str) -> Any:
         raise SnapshotError("is damaged: its content does not have the checksum that it names")
     if header.get("identity") != identity:
         raise SnapshotError(
-            "belongs to another controller: arm, gains, limits, period and guards have to be those it was taken with"
+            "belongs to another controller: arm, gains, limits, period and guards must be those of the snapshot"
         )
     kinds = {kind.__name__: kind for kind in _kinds(template)}
     try:
@@ -232,7 +232,7 @@ def _decoded(data: Any, kinds: Mapping[str, Any]) -> Any:
 
 
 def _is_alike(state: Any, template: Any) -> bool:
-    """Tell whether a state has the kinds of a template, and arrays of the same shape where that has arrays."""
+    """Return whether a state has the kinds of a template, and arrays of the same shape where that has arrays."""
     state, template = _plain(state), _plain(template)
     if isinstance(template, np.ndarray):
         return isinstance(state, np.ndarray) and state.shape == template.shape

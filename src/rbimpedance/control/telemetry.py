@@ -20,7 +20,7 @@ class Channel(NamedTuple):
         unit: Its unit.
         size: Numbers per sample: "nq", "nv", "6", or "1" for the time.
         source: "controller" for a field of `ControllerOutput`, "plant" for what the loop sees of the plant, "derived"
-            for what follows from the motion and is computed when asked for.
+            for what follows from the motion and is computed on demand.
         doc: What it is.
     """
 
@@ -137,7 +137,7 @@ class ControllerOutput(NamedTuple):
         saturated: Whether the joint is at its torque limit, shape (nv,), bool.
         premise_holds: Whether tau makes the joint's reaching law act in full, by the controller's model, shape (nv,),
             bool: the one premise of Theorem 1 that a controller can see. It is False exactly where a limit withholds
-            acceleration. Where it turns True the theorem starts anew, from that tick's s and z; its other premise,
+            acceleration. When it becomes True the theorem applies again, from that tick's s and z; its other premise,
             the bound on the disturbance's rate, stays the user's. Always False where no super-twisting law acts.
         rate_limited: Whether the torque may not change faster, shape (nv,), bool; where it is also at its limit, only
             `saturated` is True.

@@ -1,6 +1,6 @@
-"""What the environment does to the arm, and what of it the controller is told.
+"""The environment's action on the arm, and its measurement by the controller.
 
-Wrenches and contacts push on the arm (`Interaction`); sensors stand between the torque that they exert and the one
+Wrenches and contacts push on the arm (`Interaction`); sensors are between the torque that they exert and the one
 that the controller sees; the contact rules say which impedance suits which wall.
 """
 

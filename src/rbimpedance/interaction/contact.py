@@ -28,7 +28,7 @@ class Wall:
 
         f = n·max(0, k·δ + d·δ̇)    where δ > 0,    0 elsewhere.
 
-    The surface stands still, or moves along its normal.
+    The surface is fixed, or moves along its normal.
 
     Attributes:
         point: A point of the surface, at displacement zero, shape (3,) [m].
@@ -89,7 +89,7 @@ class Wall:
         return float(self.normal @ (self.point - origin) + travel)
 
     def travel(self, times: Array) -> Array:
-        """Return displacement [m] and speed [m/s] of the surface at n times, (n, 2), or (1, 2) where it stands still.
+        """Return displacement [m] and speed [m/s] of the surface at n times, (n, 2), or (1, 2) if it is fixed.
 
         Args:
             times: The times, shape (n,) [s].

@@ -20,18 +20,18 @@ from ..law.impedance import Impedance
 from ..robot.arm_model import ArmModel
 
 LOOP_AGE = 3.0
-"""What the sampled loop adds to the age of the readings, in control periods: the largest measured."""
+"""Delay that the sampled loop adds to the readings, in control periods: the largest measured."""
 
 SAMPLES_IN_CONTACT = 10.0
-"""Fewest periods in the time √(M_x/k_w) that the recommended mass grants to a contact."""
+"""Smallest number of periods in the time √(M_x/k_w) with the recommended mass."""
 
 _MOBILE = 1e-6  # smallest squared length of nᵀJ
 
-_SAFETY = 4.0  # in mass, over the verge of instability: twice the delay is borne
+_SAFETY = 4.0  # in mass, over the stability limit: tolerates twice the delay
 
 
 class NormalImpedance(NamedTuple):
-    """What a frame feels like along one direction.
+    """Impedance of a frame along one direction.
 
     Attributes:
         mass: M_x [kg].
@@ -49,7 +49,7 @@ def contact_damping(
 ) -> float:
     """Return D_x = 2ζ·√(M_x·(K_x + k_w)) [N·s/m]: in contact, the mass on both springs has the ratio ζ.
 
-    With ζ = 1 it does not swing back, so the first contact lasts.
+    With ζ = 1 it does not overshoot, so the first contact lasts.
 
     Args:
         mass: M_x [kg].
@@ -68,14 +68,14 @@ def contact_damping(
 
 
 def critical_delay(target: NormalImpedance, wall_stiffness: float) -> float:
-    """Return the age of force readings at which contact starts to oscillate without end [s]; infinite if at none.
+    """Return the delay of force readings above which contact is unstable [s]; infinite if there is none.
 
     The loop gain k_w·e^(-sT)/(M_x s² + D_x s + K_x) has unit size where
 
         M_x²ω⁴ + (D_x² - 2 M_x K_x)ω² + K_x² - k_w² = 0,
 
-    which has a positive root exactly where k_w exceeds K_x, or D_x is small; there the delay may take up the phase
-    margin, ω·T = atan2(D_x ω, M_x ω² - K_x). At the larger root the margin is the first to go.
+    which has a positive root exactly where k_w exceeds K_x, or D_x is small; there the delay may use up the phase
+    margin, ω·T = atan2(D_x ω, M_x ω² - K_x). The larger root is the critical one.
 
     Args:
         target: M_x, D_x, K_x along the normal.
@@ -99,7 +99,7 @@ def critical_delay(target: NormalImpedance, wall_stiffness: float) -> float:
 def smallest_mass(
     wall_stiffness: float, delay: float, stiffness: float, damping_ratio: float = 1.0
 ) -> float:
-    """Return the M_x [kg] at which contact is on the verge of instability, with D_x by `contact_damping`.
+    """Return the M_x [kg] at the stability limit of contact, with D_x by `contact_damping`.
 
     For K_x much smaller than k_w it is k_w·(T/T₀)² with T₀ = 2.74 at ζ = 1, 1.75 at ζ = 0.7 and 1.15 at ζ = 0.5.
     Heavier is stable.
@@ -135,8 +135,8 @@ def recommended_mass(
     """Return the M_x [kg] with which to meet a wall.
 
     It is the lightest, for the peak force grows with √M_x, with which √(M_x/k_w), the time scale of contact, lasts
-    `SAMPLES_IN_CONTACT` periods, and which is at least four times `smallest_mass`, so that contact bears readings that
-    are twice as old.
+    `SAMPLES_IN_CONTACT` periods, and which is at least four times `smallest_mass`, so that contact tolerates readings
+    that are twice as old.
 
     Args:
         wall_stiffness: k_w [N/m]; of a wall that is not well known, the largest.
@@ -170,8 +170,8 @@ def impedance_for_wall(
     """Return the impedance, equal on all joints, with which a frame meets a wall.
 
     Equal joint impedances act along the normal as one mass, damper and spring, M_x = M_d/(nᵀJJᵀn) and so on: a push
-    along n is answered by J Jᵀ n, whatever the arm. Here they are chosen such that M_x and K_x are as given and D_x is
-    that of `contact_damping`.
+    along n causes a deflection along J Jᵀ n for any arm. Here they are chosen such that M_x and K_x are as given and
+    D_x is that of `contact_damping`.
 
     Args:
         arm: The arm.

@@ -1,8 +1,8 @@
 """tau_ext without a force sensor: momentum observers, in the form of a `Sensor`.
 
-Both measure what the arm's momentum gained beyond what the motors and the model explain. Whatever the model does not
-know is therefore read as contact: an estimator cannot tell a payload from a hand that hangs on the tool
-(docs/interaction.md has the figures).
+Both measure the change of the arm's momentum that motors and model do not explain. Model errors are therefore
+estimated as contact: an estimator cannot distinguish a payload from a hand that pulls at the tool (figures in
+docs/interaction.md).
 """
 
 from __future__ import annotations

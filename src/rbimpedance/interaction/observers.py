@@ -69,8 +69,8 @@ class SuperTwistingDisturbanceObserver:
     w = k2·z. No acceleration and no inverse of M is needed.
 
     Sampled, M dv and the model's torques go by the trapezoidal rule. A ramp is followed with a lag of
-    h/2 by the implicit scheme, and of h/2 + (k1/k2)·abs(s)^½ by the matched one, which bears noisy
-    velocities better.
+    h/2 by the implicit scheme, and of h/2 + (k1/k2)·abs(s)^½ by the matched one, which is less
+    sensitive to noisy velocities.
 
     Immutable; `step` is pure.
 

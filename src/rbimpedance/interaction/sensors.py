@@ -1,6 +1,6 @@
-"""What the controller is told of tau_ext: sensors that are late or slow.
+"""Measurement of tau_ext: sensors with delay or a low-pass.
 
-A `Sensor` stands between the environment and the controller; `simulate(..., sensor=...)` uses it. Wrench sensors in the
+A `Sensor` is between the environment and the controller; `simulate(..., sensor=...)` uses it. Wrench sensors in the
 wrist are in wrench_sensor.py; estimators that need no force sensor have the same form and are in estimators.py.
 """
 
@@ -19,7 +19,7 @@ StateT = TypeVar("StateT")
 
 
 class Sensor(Protocol[StateT]):
-    """What tells the controller tau_ext. `step` is pure; everything that it remembers is in the state."""
+    """A measurement or an estimate of tau_ext. `step` is pure; all its memory is in the state."""
 
     def init(self) -> StateT:
         """Return the state before the first tick."""
@@ -27,20 +27,20 @@ class Sensor(Protocol[StateT]):
     def step(
         self, state: StateT, q: Array, v: Array, tau: Array, tau_ext: Array
     ) -> tuple[Array, StateT]:
-        """Return what the controller is told, shape (nv,) [N·m or N], and the next state.
+        """Return the measured tau_ext, shape (nv,) [N·m or N], and the next state.
 
         Args:
             state: From `init` or from the tick before.
             q: Configuration now, shape (nq,).
             v: Velocity now, shape (nv,) [rad/s or m/s].
             tau: Motor torque held since the tick before, shape (nv,) [N·m or N]; zeros at the first tick.
-            tau_ext: What the environment really does now, shape (nv,) [N·m or N]. Estimators do not look at it.
+            tau_ext: True external torque now, shape (nv,) [N·m or N]. Estimators do not use it.
         """
 
 
 @dataclass(frozen=True)
 class Perfect:
-    """Tells the truth, at once."""
+    """The true torque, without delay."""
 
     def init(self) -> None:
         """Return nothing: there is nothing to remember."""
@@ -59,7 +59,7 @@ PastTorques: TypeAlias = tuple[Array, ...]
 
 @dataclass(frozen=True)
 class Delay:
-    """Tells what was true some ticks ago; before the first tick the world was as it is then.
+    """The true torque some ticks ago; in the first ticks, that of the first tick.
 
     Attributes:
         ticks: Delay in control periods, a whole number, at least 0.
@@ -110,7 +110,7 @@ class LowPass:
 
     @property
     def delay(self) -> float:
-        """How late slow signals come out [s]: 1/ω, less half a period that the sampling gives back."""
+        """Delay of slow signals [s]: 1/ω, minus about half a period, by the sampling."""
         pole = self._pole()
         return self.dt * pole / (1.0 - pole)
 
@@ -161,7 +161,7 @@ class LowPass:
 
 
 class Chain:
-    """Sensors one after the other: each takes what the one before tells for the truth.
+    """Sensors in series: the output of each is the input of the next.
 
     Args:
         *sensors: The first one is nearest to the arm.
@@ -180,7 +180,7 @@ class Chain:
     def step(
         self, state: tuple[Any, ...], q: Array, v: Array, tau: Array, tau_ext: Array
     ) -> tuple[Array, tuple[Any, ...]]:
-        """Return what the last sensor tells; see `Sensor.step`."""
+        """Return the output of the last sensor; see `Sensor.step`."""
         following = []
         for sensor, own in zip(self.sensors, state, strict=True):
             tau_ext, own_next = sensor.step(own, q, v, tau, tau_ext)

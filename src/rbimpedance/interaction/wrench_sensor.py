@@ -211,7 +211,7 @@ def calibrate_tool(
 
     Raises:
         DimensionError: Not one reading for each of the poses.
-        ParameterError: The poses do not tell bias from weight.
+        ParameterError: The poses do not separate bias and weight.
     """
     poses, measured = np.atleast_2d(configurations), np.atleast_2d(readings)
     if len(poses) != len(measured) or measured.shape[1:] != (6,):

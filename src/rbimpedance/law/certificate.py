@@ -16,7 +16,7 @@ from .lyapunov import Law, admissible_rate, solve
 from .surfaces import Surface
 
 _MARGIN = (
-    1e-12  # in units of k2: a d_max this close to the admissible one is not told apart from it
+    1e-12  # in units of k2: a d_max this close to the admissible one is not distinguished from it
 )
 _BISECTIONS = 60
 
@@ -34,7 +34,7 @@ class Certificate:
         k1: Gain of the root, shape (nv,).
         k2: Gain of the integral, shape (nv,).
         d_max: Bound on the disturbance's rate, shape (nv,) [rad/s³ or m/s³].
-        d_max_admissible: The gains bear every d_max below it, shape (nv,): the H∞ condition of
+        d_max_admissible: The gains tolerate every d_max below it, shape (nv,): the H∞ condition of
             (13) in closed form.
         feasible: Whether the theorem applies and (13) has a solution, shape (nv,), bool.
         P: Lyapunov matrix of (13) for x = (abs(s)^½·sgn(s), z2), shape (nv, 2, 2); zero where not
@@ -52,8 +52,8 @@ class Certificate:
         sliding_time: Time from s = 0 until e1 has settled, from the largest e1 that the reaching
             phase can leave behind (`e1_bound`), shape (nv,) [s]; infinite without a surface.
         total_time: reaching_time + sliding_time, shape (nv,) [s].
-        settled: What settled means on this surface, in words.
-        reason: One entry per joint: why a guarantee is missing and what would mend it, else empty.
+        settled: Definition of settled on this surface, as text.
+        reason: One entry per joint: why a guarantee is missing and the remedy, else empty.
     """
 
     k1: Array
@@ -73,7 +73,7 @@ class Certificate:
     reason: tuple[str, ...]
 
     def explain(self) -> str:
-        """Say in plain language what is guaranteed, by when, what is not, what would mend it."""
+        """Explain what is guaranteed and by when, what is not, and the remedy."""
         joints = [f"Joint {i}: {self._explain_joint(i)}" for i in range(self.k1.size)]
         return "\n".join([*joints, words.ASSUMPTIONS])
 
@@ -85,7 +85,7 @@ class Certificate:
                 f"formula says {self.reaching_time_paper[i]:.4g} s).",
                 f"abs(s) never exceeds {self.s_bound[i]:.4g}.",
                 f"The disturbance may change at up to {self.d_max[i]:.4g} per second; k1 = "
-                f"{self.k1[i]:.4g} and k2 = {self.k2[i]:.4g} bear any rate below "
+                f"{self.k1[i]:.4g} and k2 = {self.k2[i]:.4g} tolerate any rate below "
                 f"{self.d_max_admissible[i]:.4g}.",
             ]
         if np.isfinite(self.e1_bound[i]):

@@ -1,4 +1,4 @@
-"""What a certificate says in words: why a guarantee is missing, what would mend it."""
+"""Messages of a certificate: why a guarantee is missing, and the remedy."""
 
 from __future__ import annotations
 
@@ -41,16 +41,16 @@ def why_theorem_fails(surface: Surface | None) -> str:
 
 
 def why_infeasible(law: Law) -> str:
-    """Say what the gains bear and which ones would bear the disturbance."""
+    """Report what the gains tolerate and which gains would tolerate the disturbance."""
     k1, k2, d_max = law.k1, law.k2, law.d_max
     limit = float(admissible_rate(np.array(k1), np.array(k2)))
-    fact = f"k1 = {k1:.4g} and k2 = {k2:.4g} bear any disturbance rate below {limit:.4g}"
+    fact = f"k1 = {k1:.4g} and k2 = {k2:.4g} tolerate any disturbance rate below {limit:.4g}"
     if k2 <= d_max:
-        mend = f"raise k2 above {d_max:.4g}, and k1 to at least 2·√k2"
+        remedy = f"raise k2 above {d_max:.4g}, and k1 to at least 2·√k2"
     else:
         needed = 2.0 * math.sqrt(k2 * (1.0 - math.sqrt(1.0 - law.rho**2)))
-        mend = f"raise k1 above {needed:.4g}"
-    return f"{fact}, and d_max is {d_max:.4g}; {mend}"
+        remedy = f"raise k1 above {needed:.4g}"
+    return f"{fact}, and d_max is {d_max:.4g}; {remedy}"
 
 
 def why_unsettled(surface: Surface | None) -> str:

@@ -1,4 +1,4 @@
-"""A target impedance with homogeneous damping and stiffness: it lets go in finite time."""
+"""A target impedance with homogeneous damping and stiffness: finite-time return after release."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SMALLEST_EXPONENT = 0.01
 @brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
 class FiniteTimeImpedance:
-    """A target that lets go in finite time: the paper's future work.
+    """A target that returns in finite time after release: the paper's future work.
 
     On each joint, with sig(x)^p = sign(x)·abs(x)^p,
 

@@ -39,7 +39,7 @@ class VariationReport(NamedTuple):
 
     Attributes:
         stable: Whether the conditions hold at every sample.
-        alpha: The α for which they hold with most to spare [1/s].
+        alpha: The α with the largest margin [1/s].
         margin: Share by which the worst condition is kept at each sample, shape (N,); negative where it is broken.
         passive: Whether the target takes in energy only, seen from the velocity: the conditions hold with α = 0.
     """

@@ -2,7 +2,7 @@
 
 About s = 0 the matched scheme is linear: with H = margin·h it gives u = (2/H)·s + W, W⁺ = W + (h/H²)·s. The plant
 answers an acceleration A with G·A, G = M_true⁻¹·M_model, which has real positive eigenvalues. With one margin for all
-joints the loop falls apart along the eigenvectors of G, whatever k1 and k2 of each joint are, and each part is the
+joints the loop decouples along the eigenvectors of G, for any k1 and k2 of each joint, and each part is the
 loop of this module with one eigenvalue g for a gain. Away from s = 0 the scheme's gain u/s only falls.
 """
 
@@ -33,7 +33,7 @@ def loop_matrix(g: float, margin: float, delay: int, slope_step: float) -> Array
     """
     size = 3 + 2 * delay
     late = slice(size - 2, size) if delay else slice(0, 2)  # (e1/h, e2) as the controller sees them
-    law = np.zeros(size)  # h times the acceleration that is asked for
+    law = np.zeros(size)  # h times the demanded acceleration
     law[late] = [2.0 / margin * slope_step, slope_step + 2.0 / margin]
     law[2] = 1.0
     law /= 1.0 + slope_step / 2.0

@@ -22,7 +22,7 @@ class Allocation(NamedTuple):
         tau: The torque, shape (nv,) [N·m or N].
         saturated: Whether the joint is at its torque limit, shape (nv,), bool.
         rate_limited: Whether the joint's torque may not change faster, shape (nv,), bool.
-        acceleration_deficit: Acceleration that was asked for less the one that tau gives, by the model's mass matrix,
+        acceleration_deficit: Demanded acceleration minus the one that tau gives, by the model's mass matrix,
             shape (nv,) [rad/s² or m/s²]. Exactly zero on every joint that is at no limit.
     """
 
@@ -38,7 +38,7 @@ class Limits:
     """Limits that the controller keeps.
 
     A joint at its limit also accelerates the others, through the mass matrix. `allocate` therefore corrects their
-    torques so that they keep the acceleration that the law asks for; only where that drives a further joint to its
+    torques so that they keep the acceleration that the law demands; only if that drives another joint to its
     limit does this one miss its acceleration too.
 
     Attributes:
@@ -83,7 +83,7 @@ class Limits:
         limit, so that takes at most nv rounds, and none while nothing saturates.
 
         Args:
-            tau: Torque that the law asks for, shape (nv,) [N·m or N].
+            tau: Torque that the law demands, shape (nv,) [N·m or N].
             mass_matrix: Gives M(q), shape (nv, nv); called only where a limit is exceeded.
             before: Torque of the tick before, shape (nv,) [N·m or N]; None at the first tick.
             dt: Time since then [s].

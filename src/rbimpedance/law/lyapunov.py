@@ -152,7 +152,7 @@ def _printed_time(law: Law, x0: Array, shape: Shape) -> float:
 def _best_riccati(law: Law, x0: Array) -> Shape | None:
     """Riccati solution of (13) at the ε that makes the paper's T0 smallest.
 
-    The decay of each is taken from the closed form and not from the ε that was asked for: near the
+    The decay of each is taken from the closed form and not from the requested ε: near the
     largest one a solver may return a matrix that solves nothing.
     """
 

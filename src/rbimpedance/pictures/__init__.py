@@ -1,6 +1,6 @@
 """Pictures: the viewer and its page, and figures by matplotlib.
 
-Offers `view`, `animate`, `Viewer` and `figures`, each loaded when it is asked for. May use every room but `cli`.
+Offers `view`, `animate`, `Viewer` and `figures`, each loaded on first use. May use every room but `cli`.
 """
 
 from __future__ import annotations

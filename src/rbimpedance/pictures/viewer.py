@@ -48,7 +48,7 @@ class Viewer:
 
     Attributes:
         arm: The arm.
-        notes: What could not be shown, and what stands in for it.
+        notes: What could not be shown, and its substitute.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class Viewer:
         """Address of the page on this machine; the first look starts its server.
 
         Raises:
-            ParameterError: The port that was asked for is not free.
+            ParameterError: The requested port is not free.
         """
         if self._server is None:
             self._server = Server(lambda known: self.html(live=known), self._port)
@@ -348,7 +348,7 @@ def _travel(environment: object, t: float) -> tuple[float, ...]:
 
 
 def _kind(frame: Frame) -> tuple[bool, int, int]:
-    """What a page must be built anew for."""
+    """Changes for which a page must be rebuilt."""
     return (
         frame.q_r is not None,
         0 if frame.wrenches is None else len(frame.wrenches),

@@ -387,7 +387,7 @@ class ArmModel:
         inertia: ArrayLike | None = None,
         frame: str | None = None,
     ) -> ArmModel:
-        """Return a copy that carries a rigid payload.
+        """Return a copy with a rigid payload.
 
         Args:
             mass: Mass [kg], at least 0.

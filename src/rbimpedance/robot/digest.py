@@ -34,7 +34,7 @@ def model_digest(model: pin.Model, tool_frame: str, vectors: Sequence[Array]) ->
 
 
 def _sample_placements(model: pin.Model) -> list[pin.SE3]:
-    """Placements of all joints at two configurations: they tell joint axes and mimic rules apart."""
+    """Placements of all joints at two configurations: they distinguish joint axes and mimic rules."""
     data, q = model.createData(), pin.neutral(model)
     placements = []
     for configuration in (q, pin.integrate(model, q, np.ones(model.nv))):

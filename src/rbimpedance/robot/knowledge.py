@@ -1,4 +1,4 @@
-"""What a controller knows of its arm: all of the dynamics, or the inertia alone."""
+"""The part of the dynamics in a controller's model: all, or the inertia alone."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..exceptions import ParameterError
 from .arm_model import ArmModel
 
 Knowledge = Literal["full", "inertia"]
-"""What a controller knows of the arm: all of it, or M(q) alone as in section 4 of the paper."""
+"""The part of the dynamics that a controller uses: all, or M(q) alone as in section 4 of the paper."""
 
 
 def model_torque(arm: ArmModel, model: Knowledge, q: Array, v: Array, a: Array) -> Array:

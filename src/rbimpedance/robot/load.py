@@ -55,25 +55,25 @@ def load_robot(
         tool_frame: Frame that Jacobians and wrenches refer to by default. Without it, the link at the end of the
             longest chain of joints (fixed ones count) that can move; of several, the one with more movable joints on
             its chain, then the first of the document.
-        gravity: Acceleration of free fall in world axes, shape (3,) [m/s²]. Without it, what the document asks for in
+        gravity: Acceleration of free fall in world axes, shape (3,) [m/s²]. Without it, the document's own in
             `<rbimpedance><gravity xyz="0 0 -9.8"/></rbimpedance>`, else (0, 0, -9.81).
         armature: Reflected inertia of the rotors on the diagonal of M, scalar or (nv,) [kg·m² or kg]; replaces what a
-            `pinocchio.Model` carries.
+            `pinocchio.Model` contains.
         massless: True accepts joints that move links without mass. Their gravity torque is 0 in the model, so that the
             controller does not hold the real links; `notes` name the joints. They need `armature`.
         package_dirs: Folders that hold ROS packages: for `package://` addresses of meshes, and for $(find package) in
             xacro files. The file's own package and its neighbours, AMENT_PREFIX_PATH and ROS_PACKAGE_PATH follow.
         xacro_args: Arguments of a xacro file by name, as in `xacro file.xacro name:=value`. A module of
             robot_descriptions brings its own, which these replace.
-        repair: True mends defects of a document that have one obvious mend; names of `loading.repair.REPAIRS` mend
-            those only. What was mended stands in `notes`.
+        repair: True fixes unambiguous errors of a document; names of `loading.repair.REPAIRS` fix those only. `notes`
+            lists the changes.
 
     Returns:
         The arm; its `notes` say what was found on the way: limits that are not given, meshes that are not there, ...
 
     Raises:
         ModelError: No such source, or its description is not sound; says which element and what would be right.
-        UnsupportedJointError: Joints that cannot be controlled, by name, with the way out.
+        UnsupportedJointError: Joints that cannot be controlled, by name, with the remedy.
         MissingExtraError: A robot_descriptions name without that package.
         ParameterError: `armature` is negative or not finite.
         DimensionError: `gravity` or `armature` has a wrong shape.
@@ -105,7 +105,7 @@ def _arm(
     *,
     massless: bool,
 ) -> ArmModel:
-    """Freeze what is locked, set what was asked for, and check the dynamics."""
+    """Freeze locked joints, set the requested parameters, and check the dynamics."""
     model = reduced(robot)
     if not massless:
         check_mass(model)

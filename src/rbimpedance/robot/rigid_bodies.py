@@ -92,7 +92,5 @@ def _motion_axes(model: pin.Model) -> list[Array]:
             names.append(model.names[j])
         axes.append(axis)
     if names:
-        raise UnsupportedJointError(
-            names, "neither turns about nor slides along an axis of its own"
-        )
+        raise UnsupportedJointError(names, "neither rotates about nor slides along a single axis")
     return axes

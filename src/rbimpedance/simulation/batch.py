@@ -31,11 +31,11 @@ class BatchResult:
 
     Attributes:
         t: Times of the samples, shape (samples,) [s].
-        channels: What was asked for, by the names and in the units of `SimulationResult`: shape (N, samples, nv), or
-            nq for q and q_r. NaN (False) after a world has diverged.
+        channels: The requested channels, by the names and in the units of `SimulationResult`: shape (N, samples, nv),
+            or nq for q and q_r. NaN (False) after a world has diverged.
         metrics: The figures of `SimulationResult.metrics` but violations and growth, each of shape (N, nv), from every
-            tick; empty where they were not asked for, NaN where a world has diverged.
-        q: Configuration at the end, shape (N, nq); of a world that diverged whatever came out.
+            tick; empty where they were not requested, NaN where a world has diverged.
+        q: Configuration at the end, shape (N, nq); undefined for a world that diverged.
         v: Velocity at the end, shape (N, nv) [rad/s or m/s].
         diverged: Whether a joint left every sensible range, shape (N,), bool.
         divergence_time: Time of the last sound sample of such a world, else NaN, shape (N,) [s].
@@ -91,7 +91,7 @@ def simulate_batch(
     trajectories, environments; arrays with one row more for q0, v0 and constant wrenches. A controller, a trajectory
     or an environment that several worlds share is prepared once.
 
-    Memory grows with the worlds times the samples kept, `duration`/(dt·`every`), of the channels asked for; the figures
+    Memory grows with the worlds times the samples kept, `duration`/(dt·`every`), of the requested channels; the figures
     of merit are sums that are kept up to date, from every tick. A world is one compiled function, without the
     interpreter's lock, whether its controller's `backend` is "compiled" or "pinocchio"; with "numpy" it is run in
     Python, as is what has no compiled form, one world after the other; the logger "rbimpedance" says the latter, once.
@@ -113,7 +113,7 @@ def simulate_batch(
         threads: How many to use; as many as there are cores for this process by default.
 
     Returns:
-        Samples and figures. A world that diverges is marked there; the others go on.
+        Samples and figures. A world that diverges is marked there; the others continue.
 
     Raises:
         ParameterError: As for `simulate`; worlds of different periods; an unknown channel; `every` or `threads` is no
@@ -152,7 +152,7 @@ def simulate_batch(
 
 
 def _cores() -> int:
-    """Cores that this process may use, as far as the system tells."""
+    """Cores that this process may use, as reported by the system."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -1,4 +1,4 @@
-"""Checkpoints of a run: what a killed simulation leaves behind, and how the next one goes on to the same bytes."""
+"""Checkpoints of a run: an interrupted simulation continues to a bitwise identical result."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from .._common.files import remove_parts, whole_file
 from ..control.snapshot import SnapshotError, dump, restore
 
 EVERY = 2.0
-"""Time between checkpoints [s], of the wall's clock."""
+"""Time between checkpoints [s], wall-clock."""
 
 Channels: TypeAlias = Mapping[str, NDArray[Any]]
 """Logged arrays by name, first axis time."""
 
 
 class RunState(NamedTuple):
-    """All that a closed loop goes on from.
+    """Everything that a closed loop continues from.
 
     Attributes:
         tick: The tick that comes next.
@@ -51,17 +51,17 @@ class _Kept(NamedTuple):
 class Checkpoint:
     """Where a run keeps what it has so far, every few seconds: `simulate(..., checkpoint=...)`.
 
-    Two files: at `path` the state of the loop, replaced as a whole; beside it, with the ending ".rows", the log so far,
-    which only grows. A state names the checksum of its rows, which are on the disk before it is. So whenever the
-    process is killed, there is a whole checkpoint or none, and a run that goes on from it computes and logs what it
-    would have without the interruption, to the bit.
+    Two files: at `path` the state of the loop, replaced as a whole; next to it, with the ending ".rows", the log so
+    far, which only grows. A state names the checksum of its rows, which are on the disk before it is. So whenever the
+    process is killed, there is a whole checkpoint or none, and a run that continues from it computes and logs exactly
+    what it would have without the interruption.
 
     Args:
         path: Where to.
         label: Says which run it is, in all that `simulate` cannot see: trajectory and environment. Part of what is
-            compared before a run goes on.
-        resume: Go on from what is there; without it, or where there is nothing, the run begins anew.
-        every: Time between checkpoints, on the wall's clock [s].
+            compared before a run continues.
+        resume: Continue from an existing checkpoint; otherwise, or if there is none, start from the beginning.
+        every: Time between checkpoints, wall-clock [s].
         clock: Gives that time.
 
     Raises:
@@ -158,7 +158,8 @@ class Checkpoint:
 
         Args:
             blocks: All blocks, the same ones in every run.
-            memory: The arrays that go on from one block to the next; those of the kept state are written into them.
+            memory: The arrays that are passed from one block to the next; those of the kept state are written into
+            them.
             channels: The log, for the whole run.
             identity: As for `begin`.
 
@@ -179,7 +180,7 @@ class Checkpoint:
         except SnapshotError as error:
             words = str(error).replace("another controller", "another run").partition(":")[0]
             raise SnapshotError(
-                f"'{self.path}' {words}: go on with the options that it was begun with, or begin anew"
+                f"'{self.path}' {words}: continue with the original options, or start again"
             ) from None
         return kept
 
@@ -193,7 +194,7 @@ class Checkpoint:
             content = b""
         self._sum = hashlib.sha256(content)
         if len(content) != size or self._sum.hexdigest() != kept.rows:
-            raise SnapshotError(f"'{self._rows}' is damaged: begin anew")
+            raise SnapshotError(f"'{self._rows}' is damaged: start again")
         return np.frombuffer(content, dtype=row)
 
 

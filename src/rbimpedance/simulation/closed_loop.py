@@ -35,7 +35,7 @@ STIFF_FRICTION = 0.5
 """Share of a joint's speed that friction takes in a step, from which semi-implicit Euler takes it at the step's end."""
 
 RK4_STABILITY = 2.7
-"""Largest such share that the Runge-Kutta method bears."""
+"""Largest such share that the Runge-Kutta method tolerates."""
 
 LOGGED = {c.name: c for c in CHANNELS if c.source != "derived" and c.name != "t"}
 """Channels that the loop writes at every tick, by name."""
@@ -43,7 +43,7 @@ LOGGED = {c.name: c for c in CHANNELS if c.source != "derived" and c.name != "t"
 _OUTPUT = tuple(c.name for c in CHANNELS if c.source == "controller")
 
 OnTick: TypeAlias = Callable[[int, int], None]
-"""Told (ticks done, ticks in all)."""
+"""Called with (ticks done, ticks in all)."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -56,7 +56,7 @@ class ClosedLoop:
         engine: What moves it; None for rigid links by ABA.
         trajectory: Desired motion.
         environment: What pushes on the plant.
-        sensor: What tells the controller of that.
+        sensor: The controller's measurement of that.
         q: Initial configuration, shape (nq,).
         v: Initial velocity, shape (nv,).
         ticks: Number of the last tick.
@@ -107,7 +107,7 @@ class ClosedLoop:
         return self.integrator == "semi-implicit" and stiffness > STIFF_FRICTION
 
     def fingerprint(self) -> str:
-        """Return what tells this run from others; trajectory and environment cannot be told."""
+        """Return what distinguishes this run from others, except trajectory and environment."""
         return fingerprint(
             self.controller,
             self.plant,

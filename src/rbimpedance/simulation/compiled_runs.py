@@ -203,7 +203,7 @@ def verified_world(loop: ClosedLoop, known: dict[int, Controlled], states: int) 
 
 
 def reason_against(loop: ClosedLoop) -> str | None:
-    """Return what of a loop has no compiled form, in words, or None; what arms have none, the tables say."""
+    """Return the name of a part of a loop without a compiled form, or None; arms are checked by the tables."""
     if loop.engine is not None:
         return f"its {type(loop.engine).__name__}"
     if loop.stops is not None:

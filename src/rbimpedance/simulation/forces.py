@@ -1,4 +1,4 @@
-"""What pushed on the arm of a run, so that its wrenches can be asked for afterwards."""
+"""External forces on the arm of a run, so that its wrenches can be computed afterwards."""
 
 from __future__ import annotations
 

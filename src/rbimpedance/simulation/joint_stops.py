@@ -30,7 +30,7 @@ class JointStops:
     Where a joint is δ beyond its limit, it feels max(0, k·δ + d·δ̇) back towards its range. k and d follow from the
     natural frequency and the damping ratio of the joint alone on its stop, by the smallest effective inertia
     1/(M⁻¹)_jj that it has at a number of postures: a step of the physics is stable also with all joints on their stops.
-    Stops are part of the arm: no sensor tells of them, `tau_ext` is without them.
+    Stops are part of the arm: no sensor measures them, `tau_ext` is without them.
 
     Attributes:
         lower: Position limits, shape (nv,) [rad or m]; -inf where there is none.

@@ -18,9 +18,9 @@ from .result import SimulationResult
 
 
 def replay_sensor(result: SimulationResult, sensor: Sensor[Any]) -> Array:
-    """Return what a sensor tells along a run, shape (N, nv) [N·m or N].
+    """Return the output of a sensor along a run, shape (N, nv) [N·m or N].
 
-    Sensors are pure: for the sensor that the run was made with, this is exactly what its controller was told.
+    Sensors are pure: for the sensor that the run was made with, this is exactly its controller's measurement.
 
     Args:
         result: The run.

@@ -79,7 +79,7 @@ def simulate(
     Python, the specification; "pinocchio" by compiled code around Pinocchio's algorithms; "compiled" by one compiled
     function (docs/how-a-tick-runs.md). The compiled loops take every `Interaction` of the library and no sensor, and
     sample trajectory and functions of time ahead, some thousand steps at once. What has no compiled form, and every
-    other controller, is run in Python; where "compiled" was asked for, the logger "rbimpedance" says so, once.
+    other controller, is run in Python; where "compiled" was requested, the logger "rbimpedance" says so, once.
 
     Args:
         controller: Any object with `arm`, `dt`, `init`, `step` and `impedance_error`.
@@ -88,8 +88,8 @@ def simulate(
         trajectory: Desired motion as a function of time.
         environment: None, an `Interaction` (`FrameWrench`, `JointTorque`, ...), or a wrench (6,) at the tool
             frame in world axes, constant or as a function of time.
-        sensor: What tells the controller the environment's torque: late, filtered, or estimated without a force sensor.
-            The truth by default. The result logs the truth; `replay_sensor` gives what was told.
+        sensor: Measurement of the environment's torque: delayed, filtered, or estimated without a force sensor.
+            Exact by default. The result logs the true torque; `replay_sensor` gives the measured one.
         q0: Initial configuration, shape (nq,); where the trajectory begins by default.
         v0: Initial velocity, shape (nv,); at rest by default.
         duration: Length of the run [s], a multiple of the control period.
@@ -100,13 +100,13 @@ def simulate(
             so. Such a run is done in Python.
         on_tick: Called with (ticks done, ticks in all), for a progress bar: at every tick, or every few thousand
             physics steps of a compiled run.
-        checkpoint: Where the run keeps what it has so far, and goes on from where one was killed.
+        checkpoint: File in which the run stores its progress, and from which an interrupted run continues.
 
     Returns:
         The log at every tick, t = 0 and t = duration included.
 
     Raises:
-        DivergenceError: A joint left every sensible range; carries time, joint and the result so far.
+        DivergenceError: A joint left every sensible range; with time, joint and the result so far.
         ParameterError: A duration that is no multiple of the period, a bad number of substeps, an unknown integrator,
             or a controller made for another number of joints.
         DimensionError: An input of wrong shape or kind.

@@ -17,7 +17,7 @@ def sample(arm: ArmModel, trajectory: Trajectory, times: Array) -> Reference:
 
     Args:
         arm: The arm that is to move.
-        trajectory: The trajectory; one with a `sample` of its own is asked for all at once.
+        trajectory: The trajectory; one with its own `sample` is evaluated at once.
         times: The times, shape (n,) [s].
 
     Raises:

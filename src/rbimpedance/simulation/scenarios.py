@@ -1,4 +1,4 @@
-"""Ready experiments: section 4 of the paper, and the same with every mend and every baseline."""
+"""Ready experiments: section 4 of the paper, and the same with every correction and every baseline."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from .._common.arrays import Array, BoolArray
 from .violations import Logged, excess, unit_of
 
 LARGE, LARGEST = 0.05, 0.5
-"""Error that is large where the reference stands still, and where it moves far [rad or m]."""
+"""Error that is large where the reference is constant, and where it moves far [rad or m]."""
 
 SHARE = 0.25
 """Part of the range of a joint's reference by which `LARGE` grows."""

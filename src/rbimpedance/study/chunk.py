@@ -1,4 +1,4 @@
-"""The runs of one robot under one disturbance: rows, whatever comes of them."""
+"""The runs of one robot under one disturbance: one row per run, failures included."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def lost(study: Study, robot: str, disturbance: str, reason: str) -> list[Figure
 
 
 def key(study: Study, robot: str, disturbance: str, sample: int, controller: str) -> Figures:
-    """Return the columns that tell a run from all others."""
+    """Return the columns that identify a run."""
     return {
         "study": study.name,
         "robot": robot,

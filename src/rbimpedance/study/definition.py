@@ -70,13 +70,13 @@ class Task:
 @brief_repr()
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Experiment:
-    """What a controller is put through; the controller is told none of it.
+    """Conditions of a run that the controller does not know.
 
     Attributes:
         plant: The arm that is simulated.
         trajectory: Desired motion.
         environment: What pushes on the plant, as in `simulate`.
-        sensor: What tells the controller of the environment; the truth by default.
+        sensor: The controller's measurement of the environment; exact by default.
         q0: Initial configuration, shape (nq,); where the trajectory begins by default.
         wrap: Puts the sensors and actuators around a controller that are part of the disturbance.
         substeps: Physics steps per control period, where the plant needs others than the study has.
@@ -129,7 +129,7 @@ class Study:
 
     A disturbance draws from a generator that depends on seed, robot, disturbance and number of the sample, and on
     nothing else: every controller meets the same experiments, and a part of a study is equal to that part of the whole.
-    Makers that are functions of a module are told apart by their name and source when a study is continued.
+    Makers that are functions of a module are identified by their name and source when a study is continued.
 
     Attributes:
         name: Of the study, and of its file.

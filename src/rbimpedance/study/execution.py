@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 OnRun: TypeAlias = Callable[[int, int], None]
-"""Told (runs done, runs in all)."""
+"""Called with (runs done, runs in all)."""
 
 
 def run_study(
@@ -31,10 +31,10 @@ def run_study(
     scheduler: str | None = None,
     on_run: OnRun | None = None,
 ) -> pa.Table:
-    """Run a study, or what is left of it, and return its table: one row for each run, whatever came of it.
+    """Run a study, or its remaining part, and return its table: one row per run, failures included.
 
     The folder keeps every chunk that is done, a robot under a disturbance, so that a study that was stopped or killed
-    goes on where it was. The table is the same whatever computed it, in whatever order and over however many starts. A
+    continues. The table does not depend on the workers, their order and the number of restarts. A
     worker that dies costs its chunk, which is computed again; the rows of one that no worker survives say so, and it is
     tried again when the study is started again.
 

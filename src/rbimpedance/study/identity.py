@@ -1,4 +1,4 @@
-"""What makes a study the one that it is, as plain data: for telling whether a folder holds this one."""
+"""Identity of a study as plain data: to check whether a folder contains this one."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def _makers(makers: Mapping[str, Callable[..., Any]]) -> list[list[str]]:
 
 
 def _told(value: Any, depth: int = 0) -> Any:
-    """What can be told of a maker and its arguments, the same in every process."""
+    """Identity of a maker and its arguments, the same in every process."""
     if depth > _DEEPEST:
         return type(value).__qualname__
     if isinstance(value, functools.partial):
@@ -88,7 +88,7 @@ def _told(value: Any, depth: int = 0) -> Any:
 
 
 def _source(function: Callable[..., Any]) -> str:
-    """What a function is written as, whatever its layout and comments."""
+    """Source of a function, independent of layout and comments."""
     try:
         source = textwrap.dedent(inspect.getsource(function))
     except (OSError, TypeError):  # typed at a prompt

@@ -1,4 +1,4 @@
-"""What is measured on a run: how far the arm was from what was asked for, and what that cost in torque."""
+"""Measures of a run: deviation of the arm from the desired behaviour, and torque variation."""
 
 from __future__ import annotations
 

@@ -38,8 +38,8 @@ def summarize(table: pa.Table) -> dict[str, Any]:
     """Return what a study says, as plain data.
 
     Ratios are those of the first controller in the table to another, over all pairs of runs of the same experiment
-    that both came to their end: geometric means, with percentile intervals of a bootstrap that draws robots ×
-    disturbances anew, since the samples of one are alike. The others are counted: a run that diverged or failed where
+    that both came to their end: geometric means, with percentile intervals of a bootstrap that resamples robots ×
+    disturbances, since the samples of one are alike. The others are counted: a run that diverged or failed where
     the other's did not is worse, and one where both did is neither.
 
     Args:
@@ -97,7 +97,7 @@ def pairs(ours: pa.Table, other: pa.Table) -> pa.Table:
 
 
 def geometric_mean(sums: Array, counts: Array) -> dict[str, Any]:
-    """Return exp(mean of all logarithms), and its confidence interval, cells drawn anew with all that is in them.
+    """Return exp(mean of all logarithms), and its confidence interval, resampling whole cells.
 
     Args:
         sums: Sum of the logarithms of each cell, a robot under a disturbance.

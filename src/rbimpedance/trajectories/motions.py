@@ -1,4 +1,4 @@
-"""Motions by formula: stand still, swing, pass from rest to rest."""
+"""Motions by formula: hold, oscillate, move from rest to rest."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def waypoints(
     """Pass through configurations at given times, at rest in each, with continuous acceleration.
 
     Between two of them the motion is the minimum-jerk polynomial along the shortest way (continuous joints take the
-    short way round); before the first and after the last it stands still. `samples` passes through without stopping.
+    short way round); before the first and after the last it is constant. `samples` passes through without stopping.
 
     Args:
         arm: The arm.

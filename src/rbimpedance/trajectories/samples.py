@@ -31,7 +31,7 @@ def samples(
     Position, velocity and acceleration are continuous from the first sample to the last. With q alone the motion is
     the cubic spline that begins and ends at rest; with v, and with v and a, the quintic Hermite polynomials through
     them (without a, the accelerations are the means of those that cubic Hermite polynomials have on either side).
-    Before the first sample and after the last it stands still. Continuous joints take the short way from sample to
+    Before the first sample and after the last it is constant. Continuous joints take the short way from sample to
     sample.
 
     Args:

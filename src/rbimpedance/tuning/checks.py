@@ -46,7 +46,7 @@ def solve(
     """Design gains, simulate the worst samples, and slow the scheme down where one of them chatters or diverges.
 
     Args:
-        task: What is asked for.
+        task: The requirements.
         measured: Bounds over the samples.
         impedance: Target impedance of the simulations.
         q0: Initial configuration, shape (nq,).

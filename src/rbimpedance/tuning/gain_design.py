@@ -32,7 +32,7 @@ TORQUE_FLOOR = 0.5
 
 _K2_OVER_RATE = 1.5
 _LEAST_RATE = (
-    1e-9  # of a disturbance [rad/s³]: without a margin there is no bound, even if it stands still
+    1e-9  # of a disturbance [rad/s³]: without a margin there is no bound, even if it is constant
 )
 _LARGEST_ERROR = np.pi
 _BISECTIONS = 40
@@ -40,7 +40,7 @@ _BISECTIONS = 40
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Task:
-    """What gains are asked for.
+    """Requirements of the gains.
 
     Attributes:
         arm: The arm as it is modelled.
@@ -49,7 +49,7 @@ class Task:
         dt: Control period [s].
         surface: Sliding surface; None for a fast terminal one with the smoothing that suits best.
         duration: Length of the trajectory that counts [s].
-        accuracy: Error abs(e1) that is asked for after the reaching phase [rad or m].
+        accuracy: Largest error abs(e1) allowed after the reaching phase [rad or m].
         samples: Number of plants.
         instants: Number of instants along the trajectory.
         seed: Of everything random.
@@ -101,8 +101,8 @@ class Design:
         margin: Of the matched scheme, the same for all joints; infinite where there is none.
         gain_limit: Input gain that the scheme tolerates at this margin; 0 where there is none.
         error: Error e1 that the scheme leaves, from the largest rate of the disturbance [rad or m].
-        noise_error: Error e1 that the sensors' noise stands for [rad or m].
-        noise_torque: Torque that the sensors' noise stands for, about [N·m or N].
+        noise_error: Error e1 caused by sensor noise [rad or m].
+        noise_torque: Torque caused by sensor noise, about [N·m or N].
         joint: Joint that stands in the way, or None.
         reason: Why, or empty.
     """
@@ -135,9 +135,9 @@ def design(task: Task, measured: Measured, *, slower: float = 1.0) -> Design:
     """Return the gains that the bounds call for, and whether any gains tolerate them.
 
     Args:
-        task: What is asked for.
+        task: The requirements.
         measured: From `measure_task`.
-        slower: Factor on the margin beyond what the input gain asks for.
+        slower: Factor on the margin beyond what the input gain needs.
     """
     surfaces = usual_surfaces() if task.surface is None else (task.surface,)
     k1, k2 = _k1_and_k2(task, measured.mismatch, surfaces[0], slower)
@@ -183,7 +183,7 @@ def _on_surface(
 
 
 def _noise_acceleration(task: Task, slope: Array, k1: Array, margin: float) -> Array:
-    """What noise makes of the feed-forward and of the reaching term, which is at most 2·s/H and k1·abs(s)^½."""
+    """Noise in the feed-forward and in the reaching term, which is at most 2·s/H and k1·abs(s)^½."""
     on_q, on_v = task.uncertainty.position_noise, task.uncertainty.velocity_noise
     noise = on_v + slope * on_q
     u = np.minimum(2.0 * noise / (margin * task.dt), k1 * np.sqrt(noise))
@@ -192,7 +192,7 @@ def _noise_acceleration(task: Task, slope: Array, k1: Array, margin: float) -> A
 
 
 def _error_on(surface: Surface, s: Array) -> Array:
-    """Return the e1 at rest that a value s of the surface stands for, shape (nv,); infinite beyond half a turn."""
+    """Return the e1 at rest for a value s of the surface, shape (nv,); infinite beyond half a turn."""
     below, above = np.zeros_like(s), np.full_like(s, _LARGEST_ERROR)
     beyond = surface.value(above, below) < s
     for _ in range(_BISECTIONS):
@@ -248,7 +248,7 @@ def _checked_design(task: Task, found: Design) -> Design:
             else mismatch.joint_low
         )
         reason = (
-            f"joint '{names[joint]}' answers with {mismatch.gain_low:.2g} to {mismatch.gain_high:.2g} times the "
+            f"joint '{names[joint]}' responds with {mismatch.gain_low:.2g} to {mismatch.gain_high:.2g} times the "
             f"acceleration that the model expects; with a delay of {task.uncertainty.delay} ticks at dt = "
             f"{task.dt:g} s no margin up to {LARGEST_MARGIN:g} tolerates that"
         )
@@ -256,9 +256,9 @@ def _checked_design(task: Task, found: Design) -> Design:
     joint = int(np.argmax(found.error + found.noise_error))
     if found.error[joint] + found.noise_error[joint] > task.accuracy:
         reason = (
-            f"joint '{names[joint]}' would be left with an error of about {found.error[joint]:.2g} rad from the "
-            f"disturbance and {found.noise_error[joint]:.2g} rad from noise, where {task.accuracy:g} is asked for: its "
-            f"disturbance changes at {mismatch.disturbance_rate[joint]:.3g} rad/s³, and an input gain of "
+            f"joint '{names[joint]}' would have a remaining error of about {found.error[joint]:.2g} rad from the "
+            f"disturbance and {found.noise_error[joint]:.2g} rad from noise, above the requested {task.accuracy:g}: "
+            f"its disturbance changes at {mismatch.disturbance_rate[joint]:.3g} rad/s³, and an input gain of "
             f"{mismatch.gain_low:.2g} to {mismatch.gain_high:.2g} needs a margin of {found.margin:.3g}"
         )
         return replace(found, joint=joint, reason=reason)

@@ -187,7 +187,7 @@ def _gains(data: Mapping[str, Any]) -> Gains:
 
 
 def _limits(data: Mapping[str, Any] | None) -> Limits | None:
-    """Limits out of plain data, in which null stands for infinity."""
+    """Limits from plain data, in which null means infinity."""
     if data is None:
         return None
     return Limits(**{name: _infinite_where_null(value) for name, value in data.items()})

@@ -24,12 +24,12 @@ _SHARES = np.array([0.0, 0.003, 0.01, 0.02, 0.03, 0.05, 0.07, *np.linspace(0.1, 
 class Mismatch:
     """What plants and model differ by at most over the sampled motions; arrays have shape (nv,).
 
-    G = M_true⁻¹·κ·M_model is what the plant makes of an acceleration that the controller asks for, with κ the torque
+    G = M_true⁻¹·κ·M_model is the ratio of true to demanded acceleration, with κ the torque
     constants; friction adds h·D(v) to M_true, because a torque held for a period h works against it.
 
     Attributes:
         torque: Largest torque that the model misses [N·m or N].
-        disturbance: Largest acceleration that it stands for, of M_true⁻¹·(torque missed) [rad/s² or m/s²].
+        disturbance: Largest corresponding acceleration, of M_true⁻¹·(torque missed) [rad/s² or m/s²].
         disturbance_rate: Largest rate of that, on the trajectory and around it [rad/s³ or m/s³].
         inertia: Smallest effective inertia 1/(M_true⁻¹)ᵢᵢ [kg·m² or kg].
         gain_low: Smallest eigenvalue of G.
@@ -103,7 +103,7 @@ def balanced_model(
 ) -> tuple[ArmModel, float]:
     """Return the model that the controller should use, and the payload in it [kg].
 
-    Payload and armature stand inside their ranges where the input gain is wrong by about the same factor at both ends.
+    Payload and armature are inside their ranges where the input gain is wrong by about the same factor at both ends.
     Friction that is stiff against the period joins the armature, as a torque held for a period meets it.
 
     Args:
@@ -153,7 +153,7 @@ def _look(model: ArmModel, sample: PlantSample, motions: Sequence[Motion], dt: f
 def _missed(
     model: ArmModel, sample: PlantSample, motion: Reference, held: Array
 ) -> tuple[Array, Array]:
-    """Torque that the model misses on a motion, and the acceleration that it stands for."""
+    """Torque error of the model on a motion, and the corresponding acceleration."""
     asked = sample.torque_constant * model.raw_dynamics.inverse_dynamics(*motion)
     missed = sample.plant.raw_dynamics.inverse_dynamics(*motion) - asked
     M = sample.plant.raw_dynamics.mass_matrix(motion.q) + np.diag(held)

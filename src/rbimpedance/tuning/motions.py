@@ -1,4 +1,4 @@
-"""Motions that bounds are taken over: on a trajectory, and beside it."""
+"""Motions for the bounds: on a trajectory, and near it."""
 
 from __future__ import annotations
 
@@ -71,9 +71,9 @@ def sample_motions(
         trajectory: Desired motion.
         duration: Length of it that counts [s].
         dt: Control period [s].
-        count: How many instants; each gives one motion on the trajectory and one beside it.
+        count: How many instants; each gives one motion on the trajectory and one near it.
         seed: Of the deviations.
-        spread: How far beside it.
+        spread: How far from it.
     """
     rng = np.random.default_rng(seed)
     size = np.array([spread.position, spread.velocity, spread.acceleration])[:, None]

@@ -26,7 +26,7 @@ class PlantSample:
         viscous: Friction beyond the arm's own, shape (nv,) [N·m·s/rad or N·s/m].
         coulomb: The same, shape (nv,) [N·m or N].
         armature: Reflected rotor inertia, shape (nv,) [kg·m² or kg].
-        torque_constant: Torque that acts over torque that is asked for, shape (nv,).
+        torque_constant: Ratio of true to demanded torque, shape (nv,).
         tilt: Rotation of gravity about the world's x and y axes, shape (2,) [rad].
         position_noise: Standard deviation [rad or m].
         velocity_noise: Standard deviation [rad/s or m/s].
@@ -72,7 +72,7 @@ class PlantSample:
 def with_body(
     arm: ArmModel, mass: float, com: Array, gyration: float, frame: str | None
 ) -> ArmModel:
-    """Return an arm that carries a body of equal inertia about all axes.
+    """Return an arm with a payload of equal inertia about all axes.
 
     Args:
         arm: The arm.

@@ -41,7 +41,7 @@ class GainProposal:
     Attributes:
         feasible: Whether bounds, certificate, the scheme's margins and the worst samples all allow these gains.
         reason: Why not; empty where feasible.
-        joint: Name of the joint that stands in the way, or None.
+        joint: Name of the joint that makes it infeasible, or None.
         remedies: Changes with which the same call was made again and was feasible, each alone; `remedy.changes` are its
             arguments of `propose_gains`. Empty where feasible.
         tried: What came of all changes that were tried, those included that are not enough.
@@ -58,8 +58,8 @@ class GainProposal:
         mismatch: The bounds behind the gains.
         gain_limit: Input gain that the scheme tolerates at this margin and period; 0 where there is none.
         error: Error e1 that the scheme leaves, predicted [rad or m].
-        noise_error: Error e1 that the sensors' noise stands for [rad or m].
-        noise_torque: Torque that it stands for, about [N·m or N].
+        noise_error: Error e1 caused by sensor noise [rad or m].
+        noise_torque: Torque caused by it, about [N·m or N].
         certificate: Theorem 1 for the effective gains at the smallest input gain; None where the margin is infinite.
         worst: The simulated worst samples; empty where the bounds alone say no.
         limits: Of the actuators, which the controller keeps; None for none.
@@ -113,7 +113,7 @@ class GainProposal:
         )
 
     def explain(self) -> str:
-        """Say in plain language what is proposed, or why nothing is and what would help."""
+        """Explain the proposal, or why it is infeasible and what would help."""
         mismatch = self.mismatch
         if not self.feasible:
             return f"No gains: {self.reason}.\n{self._explain_remedies()}"
@@ -197,7 +197,7 @@ def propose_gains(
 
     Bounds come from sampled plants on sampled motions around the trajectory; the gains follow from them, are checked
     by `certify` and against the scheme's margins for input gain and noise at this period, and the worst samples are
-    simulated. docs/tuning.md tells how, and what is not covered.
+    simulated. docs/tuning.md explains how, and what is not covered.
 
     Args:
         arm: The arm as it is modelled.
@@ -211,7 +211,7 @@ def propose_gains(
         limits: `Limits` of the actuators or an array-like of torque limits, such as `arm.effort_limit`: the motion has
             to be possible within them on every plant, and the controller keeps them. None for none.
         duration: Length of the motion that counts, and of the simulations [s].
-        accuracy: Error abs(e1) that is asked for once the reaching phase is over [rad or m].
+        accuracy: Largest error abs(e1) allowed after the reaching phase [rad or m].
         **search: The fields of `Search`: samples, instants, seed, backend, on_tick, remedy_time.
 
     Returns:

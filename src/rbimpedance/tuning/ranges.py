@@ -25,7 +25,7 @@ def is_not_negative(x: Array) -> Any:
 def range_of(
     name: str, value: ArrayLike, nominal: float, is_admissible: Callable[[Array], Any]
 ) -> Array:
-    """A (lowest, highest) pair; one number stands for all between nominal and that."""
+    """A (lowest, highest) pair; one number means all between nominal and that."""
     words = "a number or a (lowest, highest) pair, both finite and possible"
     array = real(name, value, words)
     if array.ndim == 0:

@@ -63,7 +63,7 @@ class Trial(NamedTuple):
     """How changes are tried.
 
     Attributes:
-        task: What was asked for.
+        task: The requirements.
         impedance: Target impedance of the simulations.
         q0: Initial configuration, shape (nq,).
         on_tick: Called with (ticks done, ticks in all) of every simulation.

@@ -30,7 +30,7 @@ class TorqueDemand:
     their ranges; every corner that `Uncertainty.extremes` gives is among the plants that this is taken over.
 
     Attributes:
-        needed: Largest torque that is asked for by the motion, by the acceleration that pushes cause (`MotionMargin`)
+        needed: Largest torque that is needed by the motion, by the acceleration that pushes cause (`MotionMargin`)
             and by the sensors' noise [N·m or N].
         reserve: What is wanted beyond that to converge, the torque for `RESERVE_ACCELERATION`; where a limit leaves
             less, simulation decides [N·m or N].
@@ -109,7 +109,7 @@ class Exertion:
         self._resting, self._moving = np.array(resting), np.array(moving)
 
     def torque(self, slower: float = 1.0) -> Array:
-        """Torque that is asked for with the motion slowed down, shape (plants, N, nv) [N·m or N].
+        """Torque that is needed with the motion slowed down, shape (plants, N, nv) [N·m or N].
 
         Args:
             slower: Factor on the motion's time; torque without friction is g(q) + (M a + C v)/slower².
@@ -131,12 +131,12 @@ class Exertion:
     def demand(
         self, limits: Limits, *, push: float = 0.0, noise: Array | float = 0.0, slower: float = 1.0
     ) -> TorqueDemand:
-        """Compare what is asked for with the limits.
+        """Compare the needed torque with the limits.
 
         Args:
             limits: Of the actuators.
             push: Acceleration that pushes add on every joint at once [rad/s² or m/s²].
-            noise: Torque that the sensors' noise stands for, scalar or (nv,) [N·m or N].
+            noise: Torque caused by sensor noise, scalar or (nv,) [N·m or N].
             slower: Factor on the motion's time.
         """
         nv = len(self.inertia)

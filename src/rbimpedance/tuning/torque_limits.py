@@ -23,7 +23,7 @@ def demand_of(task: Task, exertion: Exertion, found: Design, slower: float = 1.0
     """Return what a task asks of the joints with the gains of a design.
 
     Args:
-        task: What is asked for, with limits.
+        task: The requirements, with limits.
         exertion: The torques of its motion.
         found: Gains; their noise torque joins the reserve.
         slower: Factor on the motion's time.
@@ -41,7 +41,7 @@ def refused_for_torque(task: Task, found: Design, demand: TorqueDemand) -> Desig
         for i, (name, lack) in enumerate(zip(task.arm.joint_names, demand.lack, strict=True))
         if lack > 0.0 and i != joint
     ]
-    also = f" (others lack, too: {', '.join(others)})" if others else ""
+    also = f" (also missing: {', '.join(others)})" if others else ""
     return replace(found, joint=joint, reason=_reason(task, demand, joint) + also)
 
 
@@ -49,7 +49,7 @@ def exertion_of(task: Task, samples: Sequence[PlantSample] = ()) -> Exertion:
     """Return the torques of a task's motion for every corner of the ranges.
 
     Args:
-        task: What is asked for.
+        task: The requirements.
         samples: Plants that begin with the corners, taken where they are more.
     """
     plants = max(samples, task.uncertainty.extremes(task.arm), key=len)
@@ -64,7 +64,7 @@ def within_limits(
     With each of them the limits leave the reserve, too.
 
     Args:
-        task: What was asked for.
+        task: The requirements.
         found: The design that the limits do not allow.
         demand: What the motion asks of the joints.
     """
@@ -79,7 +79,7 @@ def _reason(task: Task, demand: TorqueDemand, joint: int) -> str:
     if demand.lack[joint] <= 0.0:
         needed, limit = demand.rate_needed[joint], demand.rate_limit[joint]
         return (
-            f"the torque of joint '{name}' has to change by {_figure(needed)} N·m/s {plant}; its limit is "
+            f"the torque of joint '{name}' must change by {_figure(needed)} N·m/s {plant}; its limit is "
             f"{_figure(limit)} N·m/s: it lacks {_figure(demand.rate_lack[joint])} N·m/s"
         )
     return (

@@ -25,7 +25,7 @@ CORNERS = 16
 class Uncertainty:
     """Ranges of what the controller's model may be wrong about; everything is as the arm's model says by default.
 
-    A range is a (lowest, highest) pair, or one number, which stands for all from "as modelled" to that number.
+    A range is a (lowest, highest) pair, or one number, which means all from "as modelled" to that number.
 
     Attributes:
         payload: Mass at the payload frame [kg], shape (2,).
@@ -38,7 +38,7 @@ class Uncertainty:
         viscous: Friction beyond what the arm's model has, shape (2,) or (2, nv) [N·m·s/rad or N·s/m].
         coulomb: The same, shape (2,) or (2, nv) [N·m or N].
         armature: True reflected rotor inertia, shape (2,) or (2, nv) [kg·m² or kg]; None where the arm's own is right.
-        torque_constant: Torque that acts over torque that is asked for, shape (2,) or (2, nv); one number x stands for
+        torque_constant: Ratio of true to demanded torque, shape (2,) or (2, nv); one number x means
             an error of either sign, (1 - x, 1 + x).
         gravity_tilt: Largest angle between gravity and what the model takes it for [rad].
         position_noise: Standard deviation of white noise on q [rad or m].

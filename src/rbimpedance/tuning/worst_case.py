@@ -26,7 +26,7 @@ CHATTER_RATIO = 1.5
 """Torque that varies more than this times what the motion needs, and by 1 N·m/s more, chatters."""
 
 NOISE_ERROR_RATIO = 30.0
-"""A noisy loop whose error is more than this times what noise stands for has lost its bounds."""
+"""A noisy loop whose error is more than this times the predicted noise error is unbounded."""
 
 _LATE = 0.6  # share of the run after which errors and variations are taken
 _LATE_AT_LIMITS = 0.8  # the same with limits, at which the arm comes to its motion later
@@ -96,7 +96,7 @@ def worst_cases(
     """Simulate the extreme samples without noise, and then with it.
 
     Args:
-        task: What was asked for.
+        task: The requirements.
         design: Gains with a finite margin.
         impedance: Target impedance.
         q0: Initial configuration, shape (nq,).
@@ -188,7 +188,9 @@ def _verdict(
     names = task.arm.joint_names
     times = np.linspace(0.0, task.duration, 50).tolist()
     speed = np.max([np.abs(task.trajectory(t).v) for t in times], axis=0)
-    late = task.uncertainty.delay * task.dt * speed  # how far the arm moves before its sensors tell
+    late = (
+        task.uncertainty.delay * task.dt * speed
+    )  # how far the arm moves before its sensors report it
     allowed = task.accuracy + late + NOISE_ERROR_RATIO * design.noise_error * noisy
     joint = int(np.argmax(variation - needed))
     ceiling = CHATTER_RATIO * float(needed.sum()) + _CHATTER_FLOOR

@@ -40,7 +40,7 @@ _FOREIGN_ORDER = ">" if sys.byteorder == "little" else "<"
 def symbol_of(kind: type) -> str:
     """Return the name under which compiled code finds a type, which is looked up each time that the code is loaded.
 
-    Call it when a module is imported: code from the disk is loaded without its being emitted anew.
+    Call it when a module is imported: code from the disk is loaded without being compiled again.
     """
     symbol = f"rbimpedance.{kind.__module__}.{kind.__qualname__}"
     binding.add_symbol(symbol, id(kind))
@@ -71,7 +71,7 @@ class Borrowed(types.Array):  # type: ignore[misc]
 
     @property
     def key(self) -> str:
-        """What tells two of these types apart."""
+        """What distinguishes two of these types."""
         return str(self.name)
 
 

@@ -101,7 +101,7 @@ class VectorsArgument(types.UniTuple):  # type: ignore[misc]
 
     @property
     def key(self) -> str:
-        """What tells two of these types apart."""
+        """What distinguishes two of these types."""
         return str(self.name)
 
     def __unliteral__(self) -> VectorsArgument:

@@ -1,4 +1,4 @@
-"""Output and state of a compiled tick: one block of numbers, from which the named arrays are taken when asked for.
+"""Output and state of a compiled tick: one block of numbers, from which the named arrays are taken on demand.
 
 To make all of them at every tick would take longer than the tick.
 """

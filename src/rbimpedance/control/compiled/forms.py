@@ -159,7 +159,7 @@ class CompiledTick(CompiledForm):
     """A tick that is one kernel, RNEA included; see `CompiledForm`.
 
     Raises:
-        UnsupportedJointError: A joint that the tables cannot carry.
+        UnsupportedJointError: A joint that the tables do not support.
         ModelError: The compiled dynamics of the arm are not Pinocchio's.
     """
 

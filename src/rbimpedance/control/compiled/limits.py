@@ -31,7 +31,7 @@ def within_limits(law: LawTables, scratch: Scratch, state: Array, block: Array) 
         law: The law.
         scratch: With M(q).
         state: Block of the tick before.
-        block: Block of this tick, with the torque that the law asks for.
+        block: Block of this tick, with the torque that the law demands.
     """
     n, gains, acceleration_deficit = len(scratch.wanted), law.gains, scratch.acceleration_deficit
     _allocate(law, scratch, state, block)
@@ -75,7 +75,7 @@ def put_flags(law: LawTables, j: int, state: Array, block: Array, premise_holds:
 
 @inline
 def _allocate(law: LawTables, scratch: Scratch, state: Array, block: Array) -> None:
-    """Torque within the limits, and the acceleration that it lacks."""
+    """Torque within the limits, and the missing acceleration."""
     wanted, acceleration_deficit, held, M = (
         scratch.wanted,
         scratch.acceleration_deficit,

@@ -1,4 +1,4 @@
-"""What stands between broken inputs and motors: a guard with a policy, and an energy tank at the impedance port."""
+"""Protection between faulty inputs and motors: a guard with a policy, and an energy tank at the impedance port."""
 
 from .energy_tank import EnergyTank as EnergyTank
 from .fault_guard import FaultGuard as FaultGuard

@@ -72,7 +72,7 @@ class Believer:
 
         Args:
             belief: At the tick before.
-            reading: The inputs of this one, judged.
+            reading: The inputs of this one, checked.
             tau: Torque that was sent in between, shape (nv,) [N·m or N].
             period: Time in between [s].
         """

@@ -2,8 +2,8 @@
 
 The environment meets the arm at the port (tau_ext, v_e), v_e being how the impedance filter moves the reference. With
 constant gains and the true torque the filter is passive: V = ½ v_eᵀM_d v_e + ½ q_eᵀK_d q_e grows by no more than the
-work tau_extᵀv_e. A spring that is stiffened while it is stretched adds to V what nobody has paid for, and so does a
-torque that is told but not there.
+work tau_extᵀv_e. A spring that is stiffened while it is stretched adds energy to V from no physical source, and so
+does a wrongly measured torque.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class TankState(NamedTuple):
         matrices: M_d, D_d and K_d that are in use, each of shape (nv, nv).
         tau: Motor torque of the tick before, shape (nv,) [N·m or N].
         port: Work of the environment at the port so far, as far as it was observed [J].
-        share: How much of the told tau_ext was replaced by the observed one in the tick before, from 0 to 1.
+        share: Share of the measured tau_ext that was replaced by the observed one in the tick before, from 0 to 1.
     """
 
     inner: Any
@@ -67,19 +67,20 @@ class EnergyTank(ControllerWrapper[TankState, ControllerOutput]):
 
     - a change of gains goes only so far as T pays for ΔV, along the straight line from the gains in use to the wanted
       ones; the rest follows as the damper fills the tank;
-    - the filter is given (1 - α)·told + α·observed, with the least α in [0, 1] that T pays for. At α = 1 nothing is to
-      be paid: a sensor of the wrong sign, or with a bias, is replaced by the observer once it has emptied the tank.
+    - the filter's input is (1 - α)·measured + α·observed, with the least α in [0, 1] that T pays for. At α = 1 nothing
+      is to be paid: a sensor of the wrong sign, or with a bias, is replaced by the observer once it has emptied the
+      tank.
 
     So V + T never grows by more than tau_obsᵀΔq_e, and whatever happens to the gains and to tau_ext, the port gives out
-    at most V + T of the start. Without an observer the told torque is taken for true and only gains are guarded. An
+    at most V + T of the start. Without an observer the measured torque is assumed true and only gains are limited. An
     observer that knows the motors' torque, such as `MomentumObserver`, does not know what the model lacks from contact:
     the port is passive for both together.
 
-    To change the gains, go on with `with_impedance`, as with the controller itself.
+    To change the gains, use `with_impedance`, as with the controller itself.
 
     Attributes:
         controller: An `ImpedanceController` with a linear target.
-        observer: Observes tau_ext from motion and motor torque; None: tau_ext as told is the truth.
+        observer: Observes tau_ext from motion and motor torque; None: the measured tau_ext is assumed true.
         capacity: Most that the tank holds [J].
         start: What it holds at first [J].
         refill: η, from 0 to 1.
@@ -125,7 +126,7 @@ class EnergyTank(ControllerWrapper[TankState, ControllerOutput]):
         )
 
     def with_impedance(self, impedance: Impedance) -> EnergyTank:
-        """Return the same tank with another wanted target; a run goes on with the state that it has.
+        """Return the same tank with another wanted target; a run continues with its present state.
 
         Args:
             impedance: The target to go to.
@@ -241,7 +242,7 @@ class _InUse:
 def _share(target: TargetFilter, state: TankState, told: Array, observed: Array) -> float:
     """The least α with T + (1 - α)·(p + α·g) ≥ 0.
 
-    p = dᵀΔq_e is what the told torque does beside the observed one, d = observed - told, and g = dᵀ(∂Δq_e/∂tau)d.
+    p = dᵀΔq_e is the work of the difference d = observed - measured, and g = dᵀ(∂Δq_e/∂tau)d.
     """
     inner, d = state.inner, observed - told
     if not d.any():

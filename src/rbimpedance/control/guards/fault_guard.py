@@ -121,12 +121,12 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
             range: Plausible measurements.
             rate: λ [1/s].
             longest_hold: Longest time to hold [s].
-            longest_blind: Longest time to go on by the model alone [s].
+            longest_blind: Longest time with the model's prediction alone [s].
             patience: Ticks without a fault after which the controller is back, at least 1.
             way_back: Shortest time of the way back [s]; see `SoftStart`.
             frozen_ticks: See `Monitor`, at least 1.
             frozen_travel: See `Monitor`; more than twice the resolution of the encoders.
-            on_event: Is told of every change, for logs; the answer of `step` does not depend on it.
+            on_event: Called at every change, for logs; the result of `step` does not depend on it.
         """
         arm = controller.arm
         if policy not in get_args(Policy):
@@ -385,7 +385,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
     def _told(
         self, state: FaultGuardState, output: GuardedOutput, following: FaultGuardState
     ) -> tuple[GuardedOutput, FaultGuardState]:
-        """The answer; whoever wants to know of changes is told."""
+        """The output; `on_event` is called at changes."""
         before, now = (state.fault or _NONE).kind, (output.fault or _NONE).kind
         has_changed = (state.response, before) != (output.response, now)
         if has_changed and self._on_event is not None:

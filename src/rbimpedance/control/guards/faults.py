@@ -34,18 +34,18 @@ FaultKind: TypeAlias = Literal[
     "controller",
 ]
 """What is wrong: an input of wrong shape or kind; NaN or infinity; a value outside the stated range, measured well; one
-that cannot follow the one before; a velocity that is not how the positions move; a measurement that stands still where
+that cannot follow the one before; a velocity that is not how the positions move; a measurement that is constant where
 it cannot; a torque that moves nothing; a controller that computes no finite torque."""
 
 
 class Fault(NamedTuple):
-    """Why a tick cannot go on as usual.
+    """Why a tick cannot continue normally.
 
     Attributes:
         kind: What is wrong.
         name: Which quantity: "q", "v", "tau_ext", "reference", "period" or "tau".
         joints: Names of the joints concerned; empty where it is not a matter of single joints.
-        message: All of it in words.
+        message: Description of the fault.
     """
 
     kind: FaultKind
@@ -55,7 +55,7 @@ class Fault(NamedTuple):
 
 
 class FaultError(InputError):
-    """A fault that the policy does not bear.
+    """A fault under the policy "raise".
 
     Attributes:
         fault: What it was.

@@ -1,4 +1,4 @@
-"""A monitor that judges the inputs of every tick before a controller sees them."""
+"""A monitor that checks the inputs of every tick before a controller gets them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class MonitorState(NamedTuple):
         since_q: Time since the joint's last sound position, shape (nv,) [s].
         since_v: Time since its last sound velocity, shape (nv,) [s].
         explained: Motion since the last sound position by the measured velocity, shape (nv,) [rad or m].
-        still: For how many ticks the joint's position has been the same to the bit although it should have moved,
+        still: For how many ticks the joint's position has been bitwise constant although it should have moved,
             shape (nv,).
         travel: How far the joint moved meanwhile by its own velocity, shape (nv,) [rad or m].
         expected: How far the reference moved since position or velocity was another, shape (nv,) [rad or m].
@@ -45,7 +45,7 @@ class MonitorState(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """The inputs of a tick, judged.
+    """The inputs of a tick, checked.
 
     Attributes:
         q: Measured configuration, shape (nq,); where `sees_q` is False, the last sound one.
@@ -68,7 +68,7 @@ class Reading(NamedTuple):
 
 @dataclass(frozen=True, eq=False, init=False)
 class Monitor:
-    """Judges the inputs of every tick.
+    """Checks the inputs of every tick.
 
     What two sensors agree on is the truth, however large. Only what is lost, frozen or contradicted is a sensor fault.
 
@@ -79,7 +79,7 @@ class Monitor:
       no more than twice that.
     - A speed of more than twice the range is "inconsistent" unless the positions move like that, give or take the
       range.
-    - A joint whose position is the same to the bit is "frozen" once it should have moved by more than `frozen_travel`
+    - A joint whose position is bitwise constant is "frozen" once it should have moved by more than `frozen_travel`
       for `frozen_ticks` ticks: by its velocity, or, where the velocity is the same as well, by the reference's. A
       velocity of zero and the same bits agree: the arm rests, maybe held by brakes.
     - Positions, velocities and tau_ext are in their ranges. What is "out of range" and agrees is measured well.
@@ -126,7 +126,7 @@ class Monitor:
         v_e: Array,
         period: float,
     ) -> tuple[Reading, MonitorState]:
-        """Judge the inputs of a tick.
+        """Check the inputs of a tick.
 
         Args:
             state: From `init` or from the tick before.
@@ -196,7 +196,7 @@ class Monitor:
         is_far = (np.abs(moved) > reach) & (np.abs(moved - state.explained) > reach)
         self._add(faults, "jump", "q", is_far, moved, "q jumps by {:.3g}")
         is_frozen = state.still >= self.frozen_ticks
-        words = "q is the same to the bit, for {:.0f} ticks after it should have moved"
+        words = "q is bitwise constant, for {:.0f} ticks after it should have moved"
         self._add(faults, "frozen", "q", is_frozen, state.still, words)
         return moved, state, ~(is_far | is_frozen)
 

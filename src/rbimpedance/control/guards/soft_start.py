@@ -68,7 +68,7 @@ class SoftStart(ControllerWrapper[SoftStartState, ControllerOutput]):
 
     A start is due at the first tick, and where the state is stale: the measured period is longer than the controller
     accepts, or q or the reference has moved since the tick before by more than twice the joints' speed limits allow. So
-    a loop that was paused goes on with the state that it has, with or without a measured period. Where only the
+    a paused loop continues with its present state, with or without a measured period. Where only the
     reference jumps the torque begins at that of the tick before.
 
     The torque heeds the limits of the controller inside, its rate included. Elsewhere the controller's torque leaves to
@@ -238,7 +238,7 @@ class SoftStart(ControllerWrapper[SoftStartState, ControllerOutput]):
         return self.init() if state.ticks > 0 and is_elsewhere else state
 
     def has_jumped(self, state: SoftStartState, reference: Reference) -> bool:
-        """Tell whether the reference has moved since the tick before by more than it can have.
+        """Return whether the reference has moved more than possible since the previous tick.
 
         Args:
             state: From the tick before.
@@ -248,7 +248,7 @@ class SoftStart(ControllerWrapper[SoftStartState, ControllerOutput]):
         return bool((np.abs(way) > self._reach * (self.dt + state.late)).any())
 
     def _blended(self, state: SoftStartState, reference: Reference) -> Reference:
-        """The given reference with what is left of the gap to it."""
+        """The given reference with the remaining gap to it."""
         q_d, v_d, a_d = reference
         gap, rate, acceleration = _closing(state.gap, state.length, state.clock)
         return Reference(self.arm.raw_dynamics.integrate(q_d, gap), v_d + rate, a_d + acceleration)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _FLOOR = 1e-9  # deviations below it are drawn at it [rad]
 _WIDEST = 32.0  # factor at which the map's colours end
-_COLORS = mpl.color_sequences["petroff10"]  # ten that most eyes tell apart
+_COLORS = mpl.color_sequences["petroff10"]  # ten that most people can distinguish
 _MARKERS = "oXsD^vPp<>hd"
 
 

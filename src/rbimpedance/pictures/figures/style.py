@@ -18,7 +18,7 @@ from ..._common.arrays import Array
 from ...simulation.result import SimulationResult
 
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-"""Okabe and Ito's palette: told apart with every kind of colour vision."""
+"""Okabe and Ito's palette: distinguishable with every kind of colour vision."""
 
 STYLE: Any = {
     "axes.grid": True,
@@ -36,7 +36,7 @@ STYLE: Any = {
 
 
 class NotebookFigure(Figure):
-    """A figure that notebooks show, although no window and no pyplot knows of it."""
+    """A figure that notebooks show, without a window or pyplot."""
 
     def _repr_png_(self) -> bytes:
         content = io.BytesIO()
@@ -57,7 +57,7 @@ def panels(
 
 
 def draw_channels(axes: Axes, result: SimulationResult, values: Array, label: str) -> None:
-    """One line per joint, with a legend beside the axes."""
+    """One line per joint, with a legend next to the axes."""
     for name, line in zip(result.joint_names, values.T, strict=True):
         axes.plot(result.t, line, label=name)
     axes.set_ylabel(label)
@@ -67,7 +67,7 @@ def draw_channels(axes: Axes, result: SimulationResult, values: Array, label: st
 
 def name_lines(axes: Axes, lines: Sequence[Line2D]) -> None:
     """Write the label of every line beside its end, in its colour; call it when the limits are final."""
-    axes.get_xlim(), axes.get_ylim()  # matplotlib sets them when they are asked for
+    axes.get_xlim(), axes.get_ylim()  # matplotlib sets them on demand
     to_axes = axes.transData + axes.transAxes.inverted()
     last = [
         (float(x[-1]), float(y[np.isfinite(y)][-1]))

@@ -19,7 +19,7 @@ from pinocchio.visualize import MeshcatVisualizer  # after _meshcat, which impor
 
 
 class _Notebook:
-    """Stands where meshcat has its connection to a server: keeps the objects and their latest poses by path."""
+    """Replaces meshcat's connection to a server: keeps the objects and their latest poses by path."""
 
     def __init__(self) -> None:
         self.objects: dict[str, mg.Object] = {}
@@ -57,7 +57,7 @@ class Drawing:
         arm: The arm.
 
     Attributes:
-        notes: What could not be shown, and what stands in for it.
+        notes: What could not be shown, and its substitute.
     """
 
     def __init__(self, arm: ArmModel) -> None:

@@ -64,7 +64,7 @@ def read_mesh(path: Path | None, scale: ArrayLike) -> list[Part]:
         ValueError: There is no file, it holds no triangles, or it is not what its ending says.
     """
     if path is None:
-        raise ValueError("it is not there")
+        raise ValueError("it does not exist")
     import trimesh  # noqa: PLC0415  (takes a second)
 
     try:
@@ -96,7 +96,7 @@ def thinned(parts: list[Part], share: float) -> list[Part]:
 
 
 def has_colors(parts: list[Part]) -> bool:
-    """Tell whether the file of a mesh says anything about colours."""
+    """Return whether the file of a mesh says anything about colours."""
     return any(part.color is not None for part in parts)
 
 

@@ -18,11 +18,11 @@ _NAMES = {"127.0.0.1", "localhost"}
 
 
 class Server:
-    """Serves one page, and tells every browser that shows it what is new; never waits for a browser.
+    """Serves one page, and sends updates to every browser that shows it; never waits for a browser.
 
     Args:
         page: Returns the page, given the number of the latest news that it knows of; the page asks for
-            `events?NUMBER`, and is told at once if there has been any since.
+            `events?NUMBER`, and is answered at once if there has been any since.
         port: Port on 127.0.0.1; 0 for any that is free.
 
     Raises:

@@ -38,7 +38,7 @@ class Look:
         geometry: Shapes on the joints of the arm's model; those in `meshes` have an empty geometry here.
         meshes: Meshes by the name of their shape.
         boxes: Opposite corners of every shape in its own axes, shape (2, 3) each [m].
-        notes: What could not be shown, and what stands in for it.
+        notes: What could not be shown, and its substitute.
     """
 
     geometry: pin.GeometryModel = field(default_factory=pin.GeometryModel)
@@ -94,7 +94,7 @@ def _shapes(arm: ArmModel) -> tuple[list[Shape], tuple[str, ...]]:
     try:
         shapes = read_shapes(arm.description.xml)
     except ModelError as error:
-        return [], (f"{error}: capsules stand in",)
+        return [], (f"{error}: drawn as capsules",)
     return [shape for shape in shapes if shape.link in arm.raw_dynamics.frame_ids], ()
 
 
@@ -112,7 +112,7 @@ class _MeshFiles:
         self._meshes: dict[tuple[object, ...], CompactMesh] = {}
 
     def can_show(self, shape: Shape) -> bool:
-        """Tell whether a shape is a primitive, or its mesh can be read."""
+        """Return whether a shape is a primitive, or its mesh can be read."""
         key = shape.mesh_file, shape.size
         if shape.kind == "mesh" and key not in self._parts and shape.mesh_file not in self._lost:
             path = find_mesh(shape.mesh_file, self._description)
@@ -141,7 +141,7 @@ class _MeshFiles:
         files = "mesh file" if len(self._lost) == 1 else "mesh files"
         return (
             f"{len(self._lost)} {files} cannot be shown ({', '.join(some)}{more}): collision shapes or capsules "
-            "stand in; name their folder with package_dirs=",
+            "are drawn instead; give their folder with package_dirs=",
         )
 
 

@@ -56,7 +56,7 @@ class CompiledDynamics:
         states: Number of random states at which it is compared.
 
     Raises:
-        UnsupportedJointError: A joint that the tables cannot carry (mimic, screw).
+        UnsupportedJointError: A joint that the tables do not support (mimic, screw).
         ModelError: At one of some random states the results are not Pinocchio's.
     """
 

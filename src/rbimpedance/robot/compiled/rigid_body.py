@@ -75,7 +75,7 @@ from .tables import (
     Workspace,
 )
 
-# Columns of `Workspace.rows`, which every routine here writes anew.
+# Columns of `Workspace.rows`, which every routine here overwrites.
 _PLACEMENT, _ORIGIN = (
     0,
     9,

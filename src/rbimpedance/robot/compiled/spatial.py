@@ -230,7 +230,7 @@ def add_inertia(A: Inertia, B: Inertia) -> Inertia:
 
 @fused
 def without_direction(I: Inertia, U: Force, k: float) -> Inertia:  # noqa: E741
-    """I - k·U·Uᵀ: what is left of an inertia once a joint gives way (Featherstone, Table 7.1)."""
+    """I - k·U·Uᵀ: articulated inertia seen through a joint (Featherstone, Table 7.1)."""
     n, f = U
     kn, kf = scale(-k, n), scale(-k, f)
     return (

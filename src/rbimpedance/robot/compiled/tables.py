@@ -83,7 +83,7 @@ def arm_tables(arm: ArmModel) -> ArmTables:
         arm: The arm.
 
     Raises:
-        UnsupportedJointError: A joint that the tables cannot carry (mimic, screw).
+        UnsupportedJointError: A joint that the tables do not support (mimic, screw).
     """
     bodies = arm.rigid_bodies()
     kinds = np.where(bodies.slides, PRISMATIC, np.where(bodies.q_size == 2, CONTINUOUS, REVOLUTE))

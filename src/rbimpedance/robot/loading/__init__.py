@@ -1,1 +1,1 @@
-"""What `load_robot` does before Pinocchio: find the source, read it strictly, choose joints, and judge the result."""
+"""What `load_robot` does before Pinocchio: find the source, read it strictly, choose joints, and check the result."""

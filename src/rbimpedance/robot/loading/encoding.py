@@ -34,10 +34,10 @@ def decoded(content: bytes, what: str, repair: Collection[str]) -> tuple[str, tu
     Args:
         content: Its bytes.
         what: The file, for errors.
-        repair: Whether "encoding" is among the repairs that are asked for.
+        repair: Whether "encoding" is among the requested repairs.
 
     Raises:
-        ModelError: The bytes are those of an archive or a Git LFS pointer, or not UTF-8, and no repair was asked for or
+        ModelError: The bytes are those of an archive or a Git LFS pointer, or not UTF-8, and no repair was requested or
             none is obvious.
     """
     for start, fault in _OTHERS:

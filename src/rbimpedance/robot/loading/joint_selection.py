@@ -42,7 +42,7 @@ def joints_to_lock(
     if joints is not None:
         kept = _known("joints", joints, movable)
         if both := sorted(kept & frozen):
-            raise ModelError(f"joint '{both[0]}' stands both in joints= and in lock=")
+            raise ModelError(f"joint '{both[0]}' is both in joints= and in lock=")
         for name in sorted(kept):
             if missing := [leader for leader in leaders[name] if leader not in kept]:
                 raise ModelError(f"joint '{name}' follows '{missing[0]}'; put that in joints= too")
@@ -51,7 +51,7 @@ def joints_to_lock(
     if not set(movable) - frozen - follows.keys():
         there_are = f" (there are {listed(movable)})" if movable else ""
         raise ModelError(
-            f"no movable joint is left: the robot has none or all are locked{there_are}"
+            f"no movable joint remains: the robot has none or all are locked{there_are}"
         )
     return frozenset(frozen)
 
@@ -140,7 +140,7 @@ def check_mimics(document: UrdfDocument, mimics: Mapping[str, Mimic], order: Seq
         order: Names of the joints in the order in which Pinocchio builds them.
 
     Raises:
-        UnsupportedJointError: With the joints' names and the way out.
+        UnsupportedJointError: With the joints' names and the remedy.
     """
     kinds = {joint.name: joint.kind for joint in document.joints}
     faults: dict[tuple[str, str], list[str]] = {}
@@ -159,7 +159,7 @@ def check_mimics(document: UrdfDocument, mimics: Mapping[str, Mimic], order: Seq
         more = "; ..." if len(faults) > _SHOWN else ""
         quoted = ", ".join(f'"{name}"' for name in names)
         raise UnsupportedJointError(
-            names, f"{'; '.join(reasons)}{more}; mend the file or freeze with lock=({quoted},)"
+            names, f"{'; '.join(reasons)}{more}; correct the file or freeze with lock=({quoted},)"
         )
 
 
@@ -167,12 +167,10 @@ def _mimic_fault(name: str, rule: Mimic, kinds: Mapping[str, str], order: Sequen
     """Why a joint cannot follow another one; empty where it can."""
     primary = rule.joint
     if primary not in kinds:
-        return f"mimics '{primary}', which is not there"
+        return f"mimics '{primary}', which does not exist"
     allowed = ("continuous",) if kinds[primary] == "continuous" else ("revolute", "prismatic")
     if kinds[primary] not in allowed or kinds[name] not in allowed:
-        return (
-            f"({kinds[name]}) mimics '{primary}' ({kinds[primary]}), which Pinocchio cannot carry"
-        )
+        return f"({kinds[name]}) mimics '{primary}' ({kinds[primary]}), which Pinocchio does not support"
     if order.index(primary) > order.index(name):
         return f"mimics '{primary}', which comes later in Pinocchio's tree"
     if not max(abs(rule.multiplier), abs(rule.offset)) <= LARGEST_NUMBER:

@@ -81,16 +81,16 @@ def _compare(document: UrdfDocument, model: pin.Model, origin: str) -> None:
         built = _moments(body.mass, np.array(body.lever), np.array(body.inertia))
         if abs(built[0] - wanted[0]) > _ROUNDING * max(wanted[0], 1.0):
             raise ModelError(
-                f"{origin}: joint '{name}' carries {wanted[0]} kg, and {built[0]} kg in Pinocchio's model"
+                f"{origin}: joint '{name}' has a body of {wanted[0]} kg, but {built[0]} kg in Pinocchio's model"
             )
         if not np.allclose(built, wanted, rtol=1e-6, atol=1e-12 * np.abs(wanted).max()):
             raise ModelError(
-                f"{origin}: what joint '{name}' carries has another inertia in Pinocchio's model"
+                f"{origin}: the body of joint '{name}' has a different inertia in Pinocchio's model"
             )
 
 
 def _bodies(document: UrdfDocument, model: pin.Model) -> dict[str, Array]:
-    """Moments of what each movable joint carries by the document: links that are fixed to each other are one body."""
+    """Moments of the body of each movable joint by the document: links that are fixed to each other are one body."""
     bodies = {name: np.zeros(13) for name in document.movable()}
     places = {frame.name: frame.placement for frame in model.frames if frame.type == pin.BODY}
     carriers = document.carriers()
@@ -147,7 +147,7 @@ def _table_faults(model: pin.Model) -> Iterable[str]:
         yield f"there are {len(model.frames)} frames, not {model.nframes}"
     for frame in model.frames:
         if frame.parentJoint >= n or frame.parentFrame >= len(model.frames):
-            yield f"the frame '{frame.name}' hangs on a joint or frame that is not there"
+            yield f"the frame '{frame.name}' is attached to a joint or frame that does not exist"
     parents = list(model.parents)
     if any(parents[j] >= j for j in range(1, n)):
         yield "a joint comes before its parent"

@@ -34,7 +34,7 @@ def _mass_notes(model: pin.Model) -> tuple[str, ...]:
     if not names:
         return ()
     return (
-        f"NO GRAVITY: the links that {listed(names)} move have no mass in this model; the torque that carries them is "
+        f"NO GRAVITY: the links that {listed(names)} move have no mass in this model; the torque that supports them is "
         "taken as 0, and the real links will fall",
     )
 
@@ -73,7 +73,7 @@ def _limit_notes(model: pin.Model) -> tuple[str, ...]:
 
 
 def _rotor_notes(model: pin.Model, srdf: Path | None) -> tuple[str, ...]:
-    """Say what reflected inertia an SRDF file beside the URDF gives."""
+    """Say what reflected inertia an SRDF file next to the URDF gives."""
     if srdf is None:
         return ()
     rotors = pin.Model(model)

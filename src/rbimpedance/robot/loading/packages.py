@@ -1,4 +1,4 @@
-"""Where ROS packages are: in given folders, beside a file, and where AMENT_PREFIX_PATH and ROS_PACKAGE_PATH point.
+"""Where ROS packages are: in given folders, next to a file, and where AMENT_PREFIX_PATH and ROS_PACKAGE_PATH point.
 
 The standard library alone: the process that expands xacro loads this file without the rest of the library.
 """
@@ -19,7 +19,7 @@ _NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 
 
 class Packages:
-    """Finds packages by name: as given, below the given folders, beside the file, where the environment points.
+    """Finds packages by name: as given, below the given folders, next to the file, where the environment points.
 
     Args:
         folders: Folders that are a package, hold packages, or hold folders that do.

@@ -33,7 +33,7 @@ def with_recipe(
         robot: The robot.
         source: What `load_robot` was given.
         package_dirs: The same.
-        repairs: Names of the repairs that were asked for.
+        repairs: Names of the requested repairs.
     """
     description = robot.description
     if description is None or description.folder is None:

@@ -1,7 +1,7 @@
-"""Defects of a URDF that have one obvious mend: each is made on request only, and said.
+"""Unambiguous URDF errors: each fix is made on request only, and reported.
 
-What has several possible mends is left to the user: an axis without direction, two links of one name, a number that
-is none, a mass that is negative or missing, a prismatic joint without limits.
+Ambiguous errors are left to the user: an axis without direction, two links of one name, a text that is not a number,
+a mass that is negative or missing, a prismatic joint without limits.
 """
 
 from __future__ import annotations
@@ -56,11 +56,11 @@ _WITH_UNIT = re.compile(rf"({NUMBER.pattern})\s*([A-Za-z°][A-Za-z°²·*./^2 ]*
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?", re.ASCII)
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+", re.ASCII)
 _INFINITE = frozenset({"inf", "+inf", "infinity", "+infinity"})
-_LARGEST_MEND = 0.1  # of the largest moment of inertia
+_LARGEST_REPAIR = 0.1  # of the largest moment of inertia
 
 
-def mended(root: etree._Element, kinds: Collection[str]) -> tuple[tuple[str, str], ...]:
-    """Mend a document in place.
+def repaired(root: etree._Element, kinds: Collection[str]) -> tuple[tuple[str, str], ...]:
+    """Repair a document in place.
 
     Args:
         root: The <robot> element.
@@ -71,14 +71,14 @@ def mended(root: etree._Element, kinds: Collection[str]) -> tuple[tuple[str, str
     """
     return tuple(
         (kind, f"repaired ({kind}) {said}")
-        for kind, mend in REPAIRS.items()
-        if kind in kinds and mend is not None
-        for said in mend(root)
+        for kind, repair in REPAIRS.items()
+        if kind in kinds and repair is not None
+        for said in repair(root)
     )
 
 
 def repair_names(repair: bool | str | Iterable[str]) -> tuple[str, ...]:
-    """Return the names of the repairs that `repair=` asks for.
+    """Return the names of the repairs that `repair=` requests.
 
     Raises:
         ModelError: An unknown name.
@@ -179,7 +179,7 @@ def _mend_unlimited(root: etree._Element) -> Iterator[str]:
 
 
 def _not_given(key: str, text: str) -> str | None:
-    """What stands for a limit that is not given, if the text says that it is infinite."""
+    """Substitute for a missing limit, if the text says that it is infinite."""
     size = text.removeprefix("-") if key in ("lower", "upper") else text
     huge = NUMBER.fullmatch(size) is not None and float(size) > LARGEST_NUMBER
     if not huge and size.lower() not in _INFINITE:
@@ -208,7 +208,7 @@ def _mend_inertias(root: etree._Element) -> Iterator[str]:
         new = _inertia(np.clip(second, 0.0, None), axes)
         change = float(np.linalg.norm(new - old, 2))
         largest = float(np.linalg.norm(old, 2))
-        if not 1e-6 * largest < change <= _LARGEST_MEND * largest:
+        if not 1e-6 * largest < change <= _LARGEST_REPAIR * largest:
             continue
         for key, i, j in zip(MOMENTS, (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2), strict=True):
             inertia.set(key, repr(float(new[i, j])))

@@ -41,7 +41,7 @@ def suggest_robot(name: str, known: Iterable[str]) -> str:
     """Return "; did you mean ...?" for a name that people use, or near one that is known.
 
     Args:
-        name: What was asked for.
+        name: The requested name.
         known: Names of `load_robot` that are there.
     """
     known = list(known)

@@ -167,7 +167,7 @@ def _read_example_robot(name: str, reading: Reading) -> RobotText:
         models = Path(loader.model_path or data.getModelPath(str(file)))
     except OSError as error:
         raise ModelError(
-            f"the files of '{name}' are not there ({error}): install example-robot-data beside its loaders"
+            f"the files of '{name}' are missing ({error}): install example-robot-data together with its loaders"
         ) from error
     text = read_path(models / file, replace(reading, repair=()))
     srdf = models / loader.path / loader.srdf_subpath / (loader.srdf_filename or "none")
@@ -188,7 +188,7 @@ def _changed_in_code(loader: Any, data: Any) -> tuple[str, ...]:
     if loader.__init__ is data.RobotLoader.__init__:
         return ()
     return (
-        "example-robot-data changes this robot in code after reading; here its file stands as it is",
+        "example-robot-data changes this robot in code after reading; here its file is used unchanged",
     )
 
 

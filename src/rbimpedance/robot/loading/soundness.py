@@ -60,14 +60,14 @@ def check_mass(model: pin.Model) -> None:
         model: The model.
 
     Raises:
-        UnsupportedJointError: The joints, and the ways out.
+        UnsupportedJointError: The joints, and the remedies.
     """
     names = massless_joints(model)
     if not names:
         return
     raise UnsupportedJointError(
         names,
-        "the links that it moves have no mass: their gravity and inertia are not known; give them an <inertial> with "
+        "the links that it moves have no mass: their gravity and inertia are unknown; give them an <inertial> with "
         f"mass{_or_lock(names, model.nv)}, or accept a model without gravity there: massless=True with the rotors' "
         "inertia as armature= (--massless --armature)",
     )
@@ -76,19 +76,19 @@ def check_mass(model: pin.Model) -> None:
 def check_inertia(arm: ArmModel) -> None:
     """Refuse an arm whose dynamics cannot be used.
 
-    A link without mass is no fault where heavier ones beyond it give M the inertia, so M itself is the judge: it must
-    be safely positive definite, agree with RNEA, and the forward dynamics and the tool's pose be finite, at the neutral
-    and at sampled configurations.
+    A massless link is allowed if links further out give M enough inertia, so M itself is checked: it must be safely
+    positive definite, agree with RNEA, and the forward dynamics and the tool's pose be finite, at the neutral and at
+    sampled configurations.
 
     Args:
         arm: The arm.
 
     Raises:
-        UnsupportedJointError: The joints along which M is singular, and the ways out.
+        UnsupportedJointError: The joints along which M is singular, and the remedies.
         ModelError: M is too ill-conditioned for floating point, or something is not finite.
     """
     rng = np.random.default_rng(0)
-    with np.errstate(all="ignore"):  # the results are judged, whatever they are
+    with np.errstate(all="ignore"):  # the results are checked afterwards
         for q in (arm.neutral, *(arm.random_configuration(rng) for _ in range(_SAMPLES))):
             M = arm.mass_matrix(q)
             _check_size(arm, M)
@@ -101,7 +101,7 @@ def check_inertia(arm: ArmModel) -> None:
 
 
 def weak_directions(M: Array) -> NDArray[np.bool_]:
-    """Tell along which joints a mass matrix is not safely positive.
+    """Return along which joints a mass matrix is not safely positive.
 
     Args:
         M: Mass matrix, shape (nv, nv).
@@ -174,6 +174,6 @@ def _unusable(names: list[str], arm: ArmModel) -> UnsupportedJointError:
 
 
 def _or_lock(names: Sequence[str], count: int) -> str:
-    """The way out that freezes the joints; empty where nothing would be left to move."""
+    """The remedy that freezes the joints; empty if no joint would be left to move."""
     quoted = ", ".join(f'"{name}"' for name in names)
     return f", or freeze with lock=({quoted},)" if len(names) < count else ""

@@ -1,4 +1,4 @@
-"""What an SRDF file beside a description says: the postures that its authors work from."""
+"""SRDF file next to a description: the configurations that its authors defined."""
 
 from __future__ import annotations
 

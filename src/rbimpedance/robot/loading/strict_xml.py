@@ -108,13 +108,13 @@ def _lacks_namespaces_only(parser: etree.XMLParser) -> bool:
 
 
 def _drop_others(root: etree._Element, parts: Collection[str]) -> None:
-    """Drop what nobody here reads, such as <gazebo>, <transmission> and <ros2_control>."""
+    """Remove elements that are not used here, such as <gazebo>, <transmission> and <ros2_control>."""
     for element in [child for child in root if child.tag not in parts and not _is_xacro(child)]:
         root.remove(element)
 
 
 def has_doctype(text: str) -> bool:
-    """Tell whether an XML text has a document type declaration, the place where entities are declared."""
+    """Return whether an XML text has a document type declaration, the place where entities are declared."""
     position = 0
     while True:
         position = _SPACE.match(text, position).end()  # type: ignore[union-attr]
@@ -138,7 +138,7 @@ def _check_size(text: str, origin: str) -> None:
 
 
 def _check_elements(root: etree._Element, origin: str) -> None:
-    """Refuse nesting beyond the bound and what is left of xacro."""
+    """Refuse nesting beyond the bound and remaining xacro."""
     depth = 0
     for event, element in etree.iterwalk(root, events=("start", "end")):
         depth += 1 if event == "start" else -1

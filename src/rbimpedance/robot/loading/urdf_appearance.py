@@ -1,4 +1,4 @@
-"""What a URDF says beside dynamics: shapes and colours, read by yourdfpy when pictures ask for them, and mesh files."""
+"""What a URDF contains besides dynamics: shapes and colours, read by yourdfpy for pictures only, and mesh files."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def mesh_notes(files: Sequence[str], text: RobotText) -> tuple[str, ...]:
     if not missing:
         return ()
     return (
-        f"{len(missing)} of {len(files)} mesh files are not there, or outside the robot's package "
+        f"{len(missing)} of {len(files)} mesh files are missing, or outside the robot's package "
         f"({listed([shortened(address, 200) for address in missing], 2)}): this matters for pictures only; name their "
         "folder with package_dirs=",
     )
@@ -161,7 +161,7 @@ def _in_package(
 
 
 def _read(xml: str) -> Any:
-    """What yourdfpy makes of a document, without loading meshes."""
+    """A document as read by yourdfpy, without loading meshes."""
     import yourdfpy  # noqa: PLC0415  (takes a second)
 
     logger = logging.getLogger("yourdfpy.urdf")
@@ -213,7 +213,7 @@ def _own_package(folder: Path | None) -> tuple[Path, ...]:
 
 
 def _is_mesh(path: Path, inside: Sequence[Path]) -> bool:
-    """Tell whether a path without `..` is in one of the folders and a file called like a mesh, a link's target too."""
+    """Return whether a path without `..`, or its link target, is a mesh file in one of the folders."""
     return (
         any(path.is_relative_to(os.path.normpath(folder)) for folder in inside)
         and path.suffix.lower() in MESH_SUFFIXES

@@ -52,7 +52,7 @@ class Inertial:
         return tuple(float(moment) for moment in np.linalg.eigvalsh(self.matrix()))
 
     def is_realisable(self) -> bool:
-        """Tell whether the largest principal moment is at most the sum of the others, as in any rigid body."""
+        """Return whether the largest principal moment is at most the sum of the others, as in any rigid body."""
         small, middle, large = self.principal()
         return large <= (small + middle) * (1.0 + 1e-6)
 
@@ -126,11 +126,11 @@ class UrdfDocument:
         name: Name of the robot.
         links: Links, in the order of the document.
         joints: Joints, in the order of the document.
-        gravity: Gravity that the document itself asks for, in the extension element
+        gravity: Gravity that the document itself states, in the extension element
             `<rbimpedance><gravity xyz="0 0 -9.8"/></rbimpedance>`, [m/s²].
         xml: Its links, joints and materials as they were parsed, with the <rbimpedance> element.
         mesh_files: Addresses of the mesh files as written.
-        repairs: What was mended on request while reading.
+        repairs: What was repaired on request while reading.
     """
 
     name: str

@@ -2,7 +2,7 @@
 
 Pinocchio never sees the file itself. It is given `UrdfDocument.to_xml()`: the links, joints and numbers that were
 read and checked here and nothing else, because its own reader leaves out what it cannot parse (a mass of "1,5", a
-ring of links, a second parent) and goes on.
+ring of links, a second parent) and continues.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from lxml import etree
 
 from ..._common.suggestions import suggest
 from ...exceptions import ModelError
-from .repair import REPAIRS, mended
+from .repair import REPAIRS, repaired
 from .strict_xml import (
     MAX_NAME,
     checked_name,
@@ -40,7 +40,7 @@ LARGEST_ANGLE = 1e6
 """Largest roll, pitch or yaw [rad]: a larger one has no digits left that mean a direction."""
 
 FARTHEST_LIMIT = 1e4
-"""Largest position limit that is one [rad or m]; larger ones (1e16 stands for "none" in SDF) are taken as not given."""
+"""Largest position limit that is one [rad or m]; larger ones (1e16 means "none" in SDF) are taken as not given."""
 
 _KINDS = (*MOVABLE, "fixed")
 
@@ -57,7 +57,7 @@ def parse_urdf(text: str, origin: str, repair: Collection[str] = ()) -> UrdfDocu
         The document; every number in it is finite, names are unique and the links form one tree.
 
     Raises:
-        ModelError: What is wrong, in which element, what would be right, and which repair would mend it.
+        ModelError: What is wrong, in which element, what would be right, and which repair would fix it.
     """
     root = read_xml(text, origin)
     if root.tag != "robot":
@@ -66,7 +66,7 @@ def parse_urdf(text: str, origin: str, repair: Collection[str] = ()) -> UrdfDocu
         )
     _check_count(root, origin)
     given = _skeleton(root) if repair else None
-    made = mended(root, repair)
+    made = repaired(root, repair)
     try:
         document = _document(root)
     except ModelError as error:
@@ -94,7 +94,7 @@ def _attributes(element: etree._Element) -> dict[str, str]:
 
 
 def _check_count(root: etree._Element, origin: str) -> None:
-    """Bound what time grows with, before anything is read or mended."""
+    """Bound the document's size, before anything is read or repaired."""
     for tag in ("link", "joint"):
         if (count := len(root.findall(tag))) > MAX_LINKS:
             raise ModelError(f"{origin}: {count} {tag}s; at most {MAX_LINKS} are read")
@@ -127,14 +127,14 @@ def _offered_repair(root: etree._Element, made: Collection[str], fault: str) -> 
     """Name the repair after which a fault is gone; empty where there is none."""
     for kind in REPAIRS:
         trial = deepcopy(root)
-        if kind in made or not mended(trial, (*made, kind)):
+        if kind in made or not repaired(trial, (*made, kind)):
             continue
         try:
             _document(trial)
         except ModelError as error:
             if str(error) == fault:
                 continue
-        return f'; repair="{kind}" mends this (--repair on the command line)'
+        return f'; repair="{kind}" fixes this (--repair on the command line)'
     return ""
 
 

@@ -91,7 +91,7 @@ def _check_connected(children: Mapping[str, list[str]], roots: list[str]) -> Non
 
 
 def _check_moments(document: UrdfDocument) -> None:
-    """Refuse negative moments of inertia of links that move; what cannot move has no say in the dynamics."""
+    """Refuse negative moments of inertia of links that move; fixed links do not affect the dynamics."""
     carriers = document.carriers()
     for link in document.links:
         if carriers[link.name] is not None and link.inertial is not None:

@@ -10,7 +10,7 @@ from typing import Any
 
 
 class Arguments(dict[str, str]):
-    """The values of a xacro file's arguments, which remembers the names that the file asked for."""
+    """The values of a xacro file's arguments, which records the names that the file uses."""
 
     def __init__(self, given: dict[str, str]) -> None:
         super().__init__(given)
@@ -65,7 +65,7 @@ def _reason(error: BaseException, unused: list[str]) -> str:
     while isinstance(getattr(inner, "exc", None), BaseException):
         inner = inner.exc  # type: ignore[attr-defined]
     kind, reason = type(inner).__name__, str(error)
-    if kind == "SubstitutionException":  # a package: what the file asks for comes later
+    if kind == "SubstitutionException":  # a package: arguments of the file come later
         return str(inner)
     if kind == "ArgException":
         option = f'xacro_args={{"{inner}": ...}} (--xacro-arg {inner}:=VALUE)'
@@ -74,22 +74,22 @@ def _reason(error: BaseException, unused: list[str]) -> str:
 
 
 def _unused(wanted: list[str], asked: set[str]) -> list[str]:
-    """Say which of the arguments that the user gave the file does not ask for."""
+    """Report the user's arguments that the file does not have."""
     there = ", ".join(sorted(asked)) or "none"
     return [
-        f"the file does not ask for the argument '{name}' (it asks for: {there})"
+        f"the file has no argument '{name}' (it has: {there})"
         for name in wanted
         if name not in asked
     ]
 
 
 def _packages(task: dict[str, Any]) -> Any:
-    """`Packages` of the file beside this one, without the library that they belong to."""
+    """`Packages` of the file next to this one, without the library that they belong to."""
     spec = importlib.util.spec_from_file_location(
         "packages", Path(__file__).with_name("packages.py")
     )
     if spec is None or spec.loader is None:
-        sys.exit("packages.py is not beside xacro_worker.py")
+        sys.exit("packages.py is missing next to xacro_worker.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     folders = [Path(folder) for folder in task["folders"]]

@@ -1,4 +1,4 @@
-"""What is wrong with a text that is no XML, in words that do not need the parser's manual."""
+"""Errors of a text that is not valid XML, explained without the parser's terms."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MAX_DEPTH = 64
 _KINDS = etree.ErrorTypes
 _WORDS = {
     _KINDS.ERR_DOCUMENT_EMPTY: "there is no element in it",
-    _KINDS.ERR_DOCUMENT_END: "something stands behind the end of the root element",
+    _KINDS.ERR_DOCUMENT_END: "there is content after the end of the root element",
     _KINDS.ERR_ATTRIBUTE_REDEFINED: "an attribute is given twice",
     _KINDS.ERR_ATTRIBUTE_WITHOUT_VALUE: 'an attribute has no value: write name="value"',
     _KINDS.ERR_ATTRIBUTE_NOT_STARTED: 'the value of an attribute is not in quotes: write name="value"',
@@ -30,9 +30,9 @@ _WORDS = {
     _KINDS.ERR_UNDECLARED_ENTITY: "only the entities &lt; &gt; &amp; &quot; &apos; exist in a URDF",
     _KINDS.ERR_NAME_REQUIRED: "a name must follow < or & (write &lt; and &amp; for the characters themselves)",
     _KINDS.ERR_ENTITYREF_SEMICOL_MISSING: "write &amp; for the character &",
-    _KINDS.ERR_INVALID_CHAR: "a control character stands in it",
-    _KINDS.ERR_HYPHEN_IN_COMMENT: "-- must not stand inside a comment",
-    _KINDS.ERR_RESERVED_XML_NAME: "<?xml ...?> may only stand at the very beginning",
+    _KINDS.ERR_INVALID_CHAR: "it contains a control character",
+    _KINDS.ERR_HYPHEN_IN_COMMENT: "-- is not allowed inside a comment",
+    _KINDS.ERR_RESERVED_XML_NAME: "<?xml ...?> is only allowed at the very beginning",
 }
 _MISMATCH = re.compile(r"tag mismatch: (\S{1,200}) line (\d+) and (\S{1,200})")
 
@@ -58,7 +58,7 @@ def explained(log: Iterable[etree._LogEntry], text: str) -> str:
 
 
 def _quoted(text: str, line: int, column: int) -> str:
-    """What stands before and at the place in question; empty where that is nothing."""
+    """Text before and at the position of the error; empty if there is none."""
     lines = text.split("\n", line)
     found = lines[line - 1] if 0 < line <= len(lines) else ""
     near = found[max(0, column - 50) : column + 20].strip()

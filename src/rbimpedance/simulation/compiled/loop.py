@@ -66,7 +66,7 @@ class Controlled(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What goes on from one block of ticks to the next.
+    """What is passed from one block of ticks to the next.
 
     Attributes:
         motion: Of the plant.
@@ -204,7 +204,7 @@ def record(
     figures: MetricSums,
 ) -> None:
     """Write a tick to the journal and the figures of merit."""
-    e3, e_im = desk.v_d, desk.e_im  # the reference has done its work
+    e3, e_im = desk.v_d, desk.e_im  # the reference's buffer is reused
     for j in range(len(e3)):
         e3[j] = block[j, A_R] - motion.a[j]
     impedance_error(controlled.target, block, e3, e_im)

@@ -204,7 +204,7 @@ def desk(nq: int, nv: int) -> LoopWorkspace:
 
 
 def reason_against_parts(controller: Any, interaction: Interaction) -> str | None:
-    """Return what of a loop has no compiled form, in words, or None."""
+    """Return the name of a part without a compiled form, or None."""
     if not can_sample(interaction):
         return f"an interaction of the user's own ({type(interaction).__name__})"
     if type(controller._filter) is not ImpedanceFilter:

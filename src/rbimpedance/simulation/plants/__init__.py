@@ -1,4 +1,4 @@
-"""What a run moves: rigid links by Pinocchio's ABA, and whatever else keeps the form of a `Plant`."""
+"""The simulated plants: rigid links by Pinocchio's ABA, and other classes with the interface of a `Plant`."""
 
 from .agreement import EngineAgreement as EngineAgreement
 from .agreement import engine_agreement as engine_agreement

@@ -144,7 +144,7 @@ class DrivenPlant:
         return np.isfinite(self.stiffness)
 
     def begin(self, q: Array, v: Array, h: float) -> DrivenState:
-        """Return the state at the start of a run: rotors and links as fast, springs and motors carrying the links.
+        """Return the state at the start of a run: rotors and links as fast, springs and motors supporting the links.
 
         Raises:
             ParameterError: h is too long for the stiffest spring; names the joint, and how many times the substeps it
@@ -160,7 +160,7 @@ class DrivenPlant:
         return self.links.motion(state.links)
 
     def measured(self, state: DrivenState) -> Motion:
-        """Return how the rotors move, or what the links' plant tells where the encoders are on the links."""
+        """Return how the rotors move, or the measurement of the links' plant if the encoders are on the links."""
         if self.encoders == "link" or not self.elastic.any():
             return self.links.measured(state.links)
         q, _ = self.links.motion(state.links)

@@ -1,4 +1,4 @@
-"""Springs in the joints: their usual damping, the steps that they bear, and what their parameters may be."""
+"""Springs in the joints: their usual damping, their largest stable steps, and the checks of their parameters."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ class MujocoModel(NamedTuple):
 
 
 def mujoco_library() -> Any:
-    """Return the module `mujoco`, imported when it is first asked for.
+    """Return the module `mujoco`, imported on first use.
 
     Raises:
         MissingExtraError: It is not installed.
@@ -106,7 +106,7 @@ def _compiled(
     except (ValueError, mj.FatalError) as error:
         raise ModelError(f"MuJoCo does not read '{arm.name}': {error}") from error
     if model.nv != arm.nv or model.neq:
-        raise ModelError("scene: something in it moves; MujocoPlant takes geoms that stand still")
+        raise ModelError("scene: something in it moves; MujocoPlant takes fixed geoms only")
     return model
 
 
@@ -121,7 +121,7 @@ def _urdf(arm: ArmModel) -> str:
     if following := [model.names[j] for j in model.mimicking_joints]:
         raise UnsupportedJointError(
             following,
-            "follows another joint, which MujocoPlant does not carry; load with lock=(...)",
+            "follows another joint, which MujocoPlant does not support; load with lock=(...)",
         )
     if arm.description is None:
         raise ModelError(
@@ -134,7 +134,7 @@ def _urdf(arm: ArmModel) -> str:
 
 
 def _set_compiler(mj: Any, spec: Any) -> None:
-    """Lump fixed links with what carries them, and accept every inertia: what differs is replaced."""
+    """Merge fixed links with their parents, and accept every inertia: what differs is replaced."""
     compiler = spec.compiler
     compiler.fusestatic = True
     compiler.inertiafromgeom = mj.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
@@ -146,7 +146,7 @@ def _with_scene(mj: Any, spec: Any, scene: str) -> Any:
     """Attach a scene to the world.
 
     Raises:
-        ModelError: It is no MJCF, or holds more than what stands still.
+        ModelError: It is not MJCF, or contains moving parts.
     """
     root = read_xml(scene, "scene")
     if root.tag != "mujoco":
@@ -178,7 +178,7 @@ def _tool(arm: ArmModel) -> tuple[str | None, Array]:
 
 
 def _set_engine(model: Any, arm: ArmModel) -> None:
-    """Gravity, and no reset of a state that diverges: the run tells."""
+    """Gravity, and no reset of a diverging state: the run reports it."""
     model.opt.gravity = arm.rigid_bodies().gravity
     model.opt.disableflags |= int(mujoco_library().mjtDisableBit.mjDSBL_AUTORESET)
 

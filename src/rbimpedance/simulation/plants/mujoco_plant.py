@@ -57,10 +57,10 @@ class MujocoPlant:
     Attributes:
         arm: The links.
         limits: Whether position and effort limits act.
-        scene: MJCF text whose geoms stand still in the world: <mujoco> with <compiler>, <default>, <asset>,
+        scene: MJCF text with geoms that are fixed in the world: <mujoco> with <compiler>, <default>, <asset>,
             <worldbody>. Options are the engine's.
         tool_radius: Radius of the sphere [m]; given with a scene, and only then.
-        version: MuJoCo's; it stands in the provenance of a run.
+        version: MuJoCo's; part of a run's provenance.
 
     Raises:
         MissingExtraError: MuJoCo is not installed.
@@ -269,7 +269,7 @@ def _compare(plant: MujocoPlant) -> None:
             joint = plant.arm.joint_names[int(np.argmax(share))]
             raise ModelError(
                 f"MuJoCo reads '{plant.arm.name}' otherwise than Pinocchio: their {name} differs by {share.max():.1e}, "
-                f"most at joint '{joint}'; {AGREEMENT:g} is borne"
+                f"most at joint '{joint}'; tolerance {AGREEMENT:g}"
             )
 
 

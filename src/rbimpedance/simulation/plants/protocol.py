@@ -51,7 +51,7 @@ class Plant(Protocol[PlantStateT]):
         """Return how the links move."""
 
     def measured(self, state: PlantStateT) -> Motion:
-        """Return what the encoders tell of that."""
+        """Return the encoders' measurement of that."""
 
     def external_torque(self, state: PlantStateT, environment: Interaction, t: float) -> Array:
         """Return what the world does to the links, shape (nv,) [N·m or N]: the environment, and the plant's contacts.
@@ -67,7 +67,7 @@ class Plant(Protocol[PlantStateT]):
 
         Args:
             state: At that time.
-            tau: Torque that the controller asks for, shape (nv,) [N·m or N].
+            tau: Torque that the controller demands, shape (nv,) [N·m or N].
             tau_ext: From `external_torque`.
         """
 
@@ -78,7 +78,7 @@ class Plant(Protocol[PlantStateT]):
 
         Args:
             state: At its beginning.
-            tau: Torque that the controller asks for, held, shape (nv,) [N·m or N].
+            tau: Torque that the controller demands, held, shape (nv,) [N·m or N].
             environment: What pushes on the arm.
             t: Time at the beginning [s].
             h: Length [s].

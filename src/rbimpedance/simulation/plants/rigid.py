@@ -17,7 +17,7 @@ from .protocol import Motion
 @brief_repr()
 @dataclass(frozen=True, eq=False)
 class RigidPlant:
-    """Rigid links, moved by ABA; what `simulate` makes of an `ArmModel`. Its state is their motion.
+    """Rigid links, moved by ABA; the plant that `simulate` makes from an `ArmModel`. Its state is their motion.
 
     Attributes:
         arm: The links.

@@ -24,7 +24,7 @@ ARMATURE = 0.1
 """Reflected rotor inertia of every joint, which the controllers know [kg·m²]."""
 
 AMPLITUDE, PERIOD = 0.25, 4.0
-"""The fastest motion that is asked for [rad], [s]."""
+"""The fastest motion [rad], [s]."""
 
 DELAY = 2
 """Ticks from a measurement to the torque that it leads to, at most."""

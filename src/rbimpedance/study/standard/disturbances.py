@@ -81,7 +81,7 @@ def everything(task: Task, rng: np.random.Generator) -> Experiment:
 
 
 def push(task: Task, rng: np.random.Generator) -> Experiment:
-    """A hand pushes the tool for two seconds; the arm carries a mass, as in all that follow."""
+    """A hand pushes the tool for two seconds; the arm has a payload, as in all that follow."""
     draws = Draws(task, rng)
     wrench = Push(draws.wrench(3.0, 8.0), start=1.5, duration=2.0, rise=0.3)
     return draws.experiment(draws.loaded(task.arm), environment=wrench)
@@ -95,7 +95,7 @@ def chirp(task: Task, rng: np.random.Generator) -> Experiment:
 
 
 def wall(task: Task, rng: np.random.Generator) -> Experiment:
-    """A wall stands across the tool's way, at half of it."""
+    """A wall across the tool's path, at half of it."""
     draws = Draws(task, rng)
     trajectory, plant = draws.motion(), draws.loaded(task.arm)
     instants = 0.0, draws.inputs["period"] / 2.0
@@ -119,7 +119,7 @@ def delay(task: Task, rng: np.random.Generator) -> Experiment:
 
 
 def no_force_sensor(task: Task, rng: np.random.Generator) -> Experiment:
-    """The push again, told by a momentum observer, which takes for a push what it does not know of the payload, too."""
+    """The push again, estimated by a momentum observer, which interprets the unknown payload as a push, too."""
     draws = Draws(task, rng)
     wrench = Push(draws.wrench(3.0, 8.0), start=1.5, duration=2.0, rise=0.3)
     sensor = MomentumObserver(task.model, OBSERVER_GAIN, task.dt)

@@ -64,7 +64,7 @@ class Draws:
         return arm.with_friction(viscous, coulomb)
 
     def motion(self) -> Trajectory:
-        """Return a swing of all joints about the arm's posture, no faster than the gains are made for."""
+        """Return an oscillation of all joints about the arm's posture, no faster than the gains are designed for."""
         arm = self.task.arm
         center = arm.integrate(posture(arm), self.rng.uniform(-0.1, 0.1, arm.nv))
         amplitude = (
