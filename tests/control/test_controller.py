@@ -340,7 +340,10 @@ def test_non_finite_input_is_refused_by_name(
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"q": np.zeros(3)}, r"^q must be .*= \(4,\).*nq = 4 \(nv = 3\), got shape \(3,\)"),
+        (
+            {"q": np.zeros(3)},
+            r"^q must be .*= \(4,\).*nq = 4 \(nv = 3\); arm.integrate.*got shape \(3,\)",
+        ),
         ({"q": [2.0, 0.0, 0.0, 0.0]}, r"^q must be .*\(cos, sin\) pairs of unit length"),
         ({"v": np.zeros(4)}, r"^v must be a vector of shape \(nv,\) = \(3,\), got shape \(4,\)"),
         ({"tau_ext": 0.0}, r"^tau_ext must be .*= \(3,\), got shape \(\)"),

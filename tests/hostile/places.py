@@ -10,7 +10,7 @@ from typing import Any
 from .case import ARM, Case, Make, change, given, of_bytes, spoiled
 
 
-def places() -> Iterator[Case]:
+def places() -> Iterator[Case]:  # noqa: C901 (one after the other)
     def at(name: str, make: Make, outcome: str, word: str, **arguments: Any) -> Case:
         return Case(name, make, outcome, word, arguments)
 

@@ -60,7 +60,7 @@ def test_text_that_is_no_xml_is_refused(text: str) -> None:
         ('<robot name="a name="b"/>', "a space or a quote is missing between two attributes"),
         ('<robot name="a" name="b"/>', "an attribute is given twice"),
         ('<robot name="r&d"/>', "write &amp; for the character &"),
-        ("<robot/><robot/>", "something stands behind the end of the root element"),
+        ("<robot/><robot/>", "there is content after the end of the root element"),
         ("<robot>&nbsp;</robot>", "only the entities &lt; &gt;"),
         ("<a>" * 300 + "</a>" * 300, "it nests elements deeper than 64: that is no URDF"),
         ("just words", "there is no element in it"),

@@ -340,6 +340,7 @@ def two_link_run(kill_at: int | None = None, **more: Any) -> rbi.SimulationResul
         more.pop("plant", rbi.MujocoPlant(plant.with_friction(coulomb=0.2))),
         rbi.trajectories.cosine(arm, amplitude=0.2, period=2.0),
         environment=rbi.interaction.Push([3.0, 0.0, 2.0, 0.0, 0.0, 0.0], 0.1, 0.1),
+        q0=arm.neutral,
         duration=0.3,
         on_tick=on_tick,
         **more,
@@ -403,7 +404,7 @@ class Repelling:
 
 def test_missing_mujoco_is_an_error_that_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(rbi.MissingExtraError, match=r"MujocoPlant .* 'rbimpedance\[mujoco\]'"):
+    with pytest.raises(rbi.MissingExtraError, match=r'MujocoPlant .*pip install -e "\.\[mujoco\]"'):
         rbi.MujocoPlant(slider())
 
 
@@ -459,8 +460,10 @@ def test_motion_that_begins_is_the_one_that_was_given() -> None:
 def test_tables_of_the_page_are_those_of_the_measured_figures(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    monkeypatch.syspath_prepend(str(ROOT))
     page = (ROOT / "docs" / "engines.md").read_text("utf-8")
     figures = json.loads((ROOT / "docs" / "figures" / "engines.json").read_text("utf-8"))
-    for name, table in importlib.import_module("engines").tables(figures).items():
+    for name, table in (
+        importlib.import_module("benchmarks.simulation.engines").tables(figures).items()
+    ):
         assert f"<!-- {name} -->\n\n{table}\n\n<!-- end of {name} -->" in page

@@ -447,11 +447,11 @@ def test_study_that_cannot_be_is_exit_code_2_with_a_word_on_what_would(
 
 def test_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(rbi.MissingExtraError, match=r"rbimpedance\[study\]"):
+    with pytest.raises(rbi.MissingExtraError, match=r'pip install -e "\.\[study\]"'):
         rbi.run_study(SMALL, tmp_path / "out")
     monkeypatch.undo()
     monkeypatch.setitem(sys.modules, "dask", None)
-    with pytest.raises(rbi.MissingExtraError, match=r"rbimpedance\[study\]"):
+    with pytest.raises(rbi.MissingExtraError, match=r'pip install -e "\.\[study\]"'):
         rbi.run_study(SMALL, tmp_path / "out", jobs=2)
 
 

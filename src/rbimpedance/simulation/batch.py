@@ -17,7 +17,7 @@ from ..exceptions import DimensionError, ParameterError
 from ..interaction import EnvironmentLike
 from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory
-from .batch_run import run_worlds
+from .batch_run import BatchLog, run_worlds
 from .closed_loop import LOGGED, ClosedLoop
 from .plants import Plant
 from .plants.integrators import Integrator
@@ -68,7 +68,7 @@ class BatchResult:
 
 
 @renamed_arguments(wrench="environment")
-def simulate_batch(
+def simulate_batch(  # noqa: PLR0913 (worlds and their settings, each given by name)
     controller: Controller[Any] | Sequence[Controller[Any]],
     plant: ArmModel | Plant[Any] | Sequence[ArmModel | Plant[Any]],
     trajectory: Trajectory | Sequence[Trajectory],
@@ -138,6 +138,11 @@ def simulate_batch(
     loops = [closed_loop(**world, **settings) for world in worlds]
     _check_alike(loops)
     log = run_worlds(loops, tuple(channels), every, after if metrics else None, threads)
+    return _result(loops, log, every)
+
+
+def _result(loops: list[ClosedLoop], log: BatchLog, every: int) -> BatchResult:
+    """What the worlds left behind."""
     dt, marks = loops[0].controller.dt, [log.divergence.get(i) for i in range(len(loops))]
     return BatchResult(
         t=tick_times(range(0, loops[0].ticks + 1, every), dt),

@@ -54,7 +54,7 @@ def _backend_of_the_controller(function: Callable[P, T]) -> Callable[P, T]:
 
 @renamed_arguments(wrench="environment")
 @_backend_of_the_controller
-def simulate(
+def simulate(  # noqa: PLR0913 (what acts on a run, each given by name)
     controller: Controller[Any],
     plant: ArmModel | Plant[Any],
     trajectory: Trajectory,

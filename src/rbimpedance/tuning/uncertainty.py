@@ -64,7 +64,7 @@ class Uncertainty:
     velocity_noise: float
     delay: int
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 (one for each range)
         self,
         payload: ArrayLike = 0.0,
         inertia_scale: ArrayLike = 1.0,
