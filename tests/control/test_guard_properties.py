@@ -176,15 +176,28 @@ def test_untold_push_does_not_run_away(policy: str) -> None:
     assert result.blind.max() == 0.0
 
 
-FLICKER: dict[str, Measure | None] = {
-    "the same bits": None,
-    "half a count of flicker": lambda k, q, v: (q + COUNT * 0.5 * (k % 2), v),
-    "whole counts": lambda _, q, v: (COUNT * np.rint(q / COUNT), v),
-    "noise": lambda k, q, v: (
-        q + 1e-5 * np.random.default_rng((1, k)).standard_normal(len(q)),
-        v + 1e-3 * np.random.default_rng((2, k)).standard_normal(len(q)),
+FLICKER: dict[str, Measure] = {
+    "the same bits": lambda _, angles, v: (angles, v),
+    "half a count of flicker": lambda k, angles, v: (angles + COUNT * 0.5 * (k % 2), v),
+    "whole counts": lambda _, angles, v: (COUNT * np.rint(angles / COUNT), v),
+    "noise": lambda k, angles, v: (
+        angles + 1e-5 * np.random.default_rng((1, k)).standard_normal(len(v)),
+        v + 1e-3 * np.random.default_rng((2, k)).standard_normal(len(v)),
     ),
 }
+"""What encoders make of the joints' angles, continuous ones among them."""
+
+
+def encoded(arm: rbi.ArmModel, flicker: str) -> Measure | None:
+    """The encoders, as what is measured of q and v."""
+    if flicker == "the same bits":
+        return None
+
+    def measure(k: int, q: Array, v: Array) -> tuple[Array, Array]:
+        angles, v = FLICKER[flicker](k, arm.difference(arm.zero, q), v)
+        return arm.integrate(arm.zero, angles), v
+
+    return measure
 
 
 def moves_on(arm: rbi.ArmModel, q: Array) -> Trajectory:
@@ -207,7 +220,7 @@ def assert_release_is_slow(
         q,
         ticks + 300,
         trajectory=trajectory,
-        measure=FLICKER[flicker],
+        measure=encoded(arm, flicker),
         braked=range(20, ticks),
     )
     assert result.speed.max() < 1.0

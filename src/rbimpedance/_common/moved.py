@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections.abc import Sequence
 from importlib import import_module
@@ -56,12 +57,11 @@ class MovedModules(MetaPathFinder, Loader):
         return ModuleSpec(name, self) if name in MOVED else None
 
     def exec_module(self, module: ModuleType) -> None:
-        """Let the old module answer with what the new one holds."""
+        """Put the new module in the place of the old one."""
         old, new = module.__name__, MOVED[module.__name__]
         warnings.warn(
-            f"{old} has moved to {new}; the old address goes with the next release",
+            f"{old} has moved to {new}; the old address will be removed in the next release",
             DeprecationWarning,
             stacklevel=2,
         )
-        content = import_module(new)
-        module.__dict__["__getattr__"] = lambda name: getattr(content, name)
+        sys.modules[old] = import_module(new)
