@@ -17,7 +17,7 @@ from rbimpedance._common.arrays import Array
 from rbimpedance.law.input_gain import gain_limit, needed_margin
 from rbimpedance.trajectories import Trajectory, cosine, hold
 from rbimpedance.tuning import GainProposal, PlantSample, Uncertainty, propose_gains, slowed
-from rbimpedance.tuning.gain_design import Design, Task, design, measure_task
+from rbimpedance.tuning.gain_design import Design, DesignTask, design, measure_task
 from rbimpedance.tuning.gains_file import load_gains, save_gains
 from rbimpedance.tuning.mismatch import Mismatch, balanced_model, measure
 from rbimpedance.tuning.motions import MotionMargin, sample_motions
@@ -390,7 +390,7 @@ def test_gains_and_bandwidth_shrink_as_delay_grows(two_link: rbi.ArmModel) -> No
 
 def designed(arm: rbi.ArmModel, **imperfect: Any) -> Design:
     """What the bounds call for, before any simulation."""
-    task = Task(
+    task = DesignTask(
         arm=arm,
         uncertainty=Uncertainty(payload=1.0, **imperfect),
         trajectory=swing(arm),

@@ -11,7 +11,7 @@ import rbimpedance as rbi
 from benchmarks.arms import DT
 from rbimpedance.trajectories import Trajectory
 from rbimpedance.tuning import GainProposal, MotionMargin, PlantSample, Uncertainty, propose_gains
-from rbimpedance.tuning.gain_design import Task, design, measure_task
+from rbimpedance.tuning.gain_design import DesignTask, design, measure_task
 from rbimpedance.tuning.worst_case import controller_for, needed_variation, true_error
 
 from .common import DURATION, LATE, SIMULATION, Figures, simulate
@@ -54,7 +54,7 @@ def propose(
 
 def knowing(plant: rbi.ArmModel, trajectory: Trajectory) -> dict[str, float]:
     """The same law with a controller that knows the plant: error and variation of the torque."""
-    task = Task(
+    task = DesignTask(
         arm=plant,
         uncertainty=Uncertainty(),
         trajectory=trajectory,

@@ -188,6 +188,7 @@ class SimulationResult:
         """Return whether the run lost its arm, and why; as text it is one sentence.
 
         An arm is lost if
+
         - a joint diverged: the run ended with a `DivergenceError`, whose `result` this is;
         - a joint was more than 0.01 rad or m beyond its position limit, and beyond where it began;
         - its error is large and does not fall: in the last quarter of the run, the root-mean-square of e1 is above

@@ -11,7 +11,7 @@ import numpy as np
 from .._common.arrays import Array
 from ..law.certificate import Certificate, certify
 from ..law.impedance import Impedance
-from .gain_design import Design, Measured, Task, design
+from .gain_design import Design, DesignTask, Measured, design
 from .torque_demand import TorqueDemand
 from .torque_limits import demand_of, exertion_of, refused_for_torque, without_reserve
 from .worst_case import ExtremeCase, worst_cases
@@ -37,7 +37,7 @@ class Checked(NamedTuple):
 
 
 def solve(
-    task: Task,
+    task: DesignTask,
     measured: Measured,
     impedance: Impedance,
     q0: Array,
@@ -90,7 +90,7 @@ def _until_failure(cases: Iterator[ExtremeCase]) -> tuple[ExtremeCase, ...]:
     return tuple(seen)
 
 
-def _certificate(task: Task, found: Design, q0: Array) -> Certificate:
+def _certificate(task: DesignTask, found: Design, q0: Array) -> Certificate:
     """Theorem 1 for the gains that are left at the smallest input gain, from the start of the motion."""
     mismatch, start = found.measured.mismatch, task.trajectory(0.0)
     e1 = task.arm.raw_dynamics.difference(q0, start.q)
@@ -105,7 +105,7 @@ def _certificate(task: Task, found: Design, q0: Array) -> Certificate:
     )
 
 
-def _certified(task: Task, found: Design, certificate: Certificate) -> Design:
+def _certified(task: DesignTask, found: Design, certificate: Certificate) -> Design:
     """The design, refused where Theorem 1 does not hold."""
     if certificate.feasible.all() or found.joint is not None:
         return found

@@ -39,7 +39,7 @@ _BISECTIONS = 40
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Task:
+class DesignTask:
     """Requirements of the gains.
 
     Attributes:
@@ -120,7 +120,7 @@ class Design:
     reason: str = ""
 
 
-def measure_task(task: Task) -> Measured:
+def measure_task(task: DesignTask) -> Measured:
     """Choose the model that the controller uses, and measure how far the plants are from it."""
     arm, uncertainty, dt = task.arm, task.uncertainty, task.dt
     motions = sample_motions(
@@ -131,7 +131,7 @@ def measure_task(task: Task) -> Measured:
     return Measured(model, payload, samples, measure(model, samples, motions, dt))
 
 
-def design(task: Task, measured: Measured, *, slower: float = 1.0) -> Design:
+def design(task: DesignTask, measured: Measured, *, slower: float = 1.0) -> Design:
     """Return the gains that the bounds call for, and whether any gains tolerate them.
 
     Args:
@@ -154,7 +154,7 @@ def design(task: Task, measured: Measured, *, slower: float = 1.0) -> Design:
 
 
 def _on_surface(
-    task: Task,
+    task: DesignTask,
     measured: Measured,
     surface: Surface,
     k1: Array,
@@ -182,7 +182,7 @@ def _on_surface(
     )
 
 
-def _noise_acceleration(task: Task, slope: Array, k1: Array, margin: float) -> Array:
+def _noise_acceleration(task: DesignTask, slope: Array, k1: Array, margin: float) -> Array:
     """Noise in the feed-forward and in the reaching term, which is at most 2·s/H and k1·abs(s)^½."""
     on_q, on_v = task.uncertainty.position_noise, task.uncertainty.velocity_noise
     noise = on_v + slope * on_q
@@ -203,7 +203,7 @@ def _error_on(surface: Surface, s: Array) -> Array:
 
 
 def _margin(
-    task: Task, mismatch: Mismatch, surface: Surface, slower: float, least: float = 1.0
+    task: DesignTask, mismatch: Mismatch, surface: Surface, slower: float, least: float = 1.0
 ) -> tuple[float, float]:
     """Margin of the scheme, and the largest input gain that it tolerates with it."""
     slope_step = float(slope_at_zero(surface, task.arm.nv).max()) * task.dt
@@ -216,7 +216,7 @@ def _margin(
 
 
 def _k1_and_k2(
-    task: Task, mismatch: Mismatch, surface: Surface, slower: float
+    task: DesignTask, mismatch: Mismatch, surface: Surface, slower: float
 ) -> tuple[Array, Array]:
     """Gains of the root and the integral.
 
@@ -238,7 +238,7 @@ def _k1_and_k2(
     return K1_OVER_ROOT_K2 * np.sqrt(k2 / g), k2
 
 
-def _checked_design(task: Task, found: Design) -> Design:
+def _checked_design(task: DesignTask, found: Design) -> Design:
     """Add the joint that stands in the way, and why, where there is one."""
     names, mismatch = task.arm.joint_names, found.measured.mismatch
     if not np.isfinite(found.margin):

@@ -24,7 +24,7 @@ from ..law.surfaces import NonsingularTerminalSurface, Surface
 from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory
 from .checks import Checked
-from .gain_design import Task
+from .gain_design import DesignTask
 from .mismatch import Mismatch
 from .motions import MotionMargin
 from .remedies import Remedy, Trial, Tried, try_remedies
@@ -227,7 +227,7 @@ def propose_gains(
     how = Search(**search)
     if isinstance(surface, NonsingularTerminalSurface):
         raise ParameterError("surface", surface, "one with s = φ(e1) + e2, power or fast terminal")
-    task = Task(
+    task = DesignTask(
         arm=arm,
         uncertainty=uncertainty,
         trajectory=trajectory,
@@ -262,7 +262,7 @@ def _checked_limits(limits: Limits | ArrayLike | None, nv: int) -> Limits | None
     return limits
 
 
-def _proposal(task: Task, checked: Checked, tried: Tried) -> GainProposal:
+def _proposal(task: DesignTask, checked: Checked, tried: Tried) -> GainProposal:
     found, demand = checked.design, checked.demand
     feasible = found.joint is None
     margin = np.full(task.arm.nv, found.margin)

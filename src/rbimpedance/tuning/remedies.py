@@ -13,7 +13,7 @@ import numpy as np
 from .._common.arrays import Array
 from ..law.impedance import Impedance
 from .checks import Checked, solve
-from .gain_design import Design, Task, measure_task
+from .gain_design import Design, DesignTask, measure_task
 from .torque_demand import slowed
 from .torque_limits import within_limits
 
@@ -70,7 +70,7 @@ class Trial(NamedTuple):
         seconds: Time after which no more changes are tried.
     """
 
-    task: Task
+    task: DesignTask
     impedance: Impedance
     q0: Array
     on_tick: Callable[[int, int], None] | None
@@ -146,7 +146,7 @@ def _together(trial: Trial, remedies: list[Remedy]) -> Iterator[list[Step]]:
                     return
 
 
-def _longer(task: Task) -> list[Step]:
+def _longer(task: DesignTask) -> list[Step]:
     times = [factor * task.duration for factor in _LONGER]
     return [(f"a longer run, duration = {time:g} s", {"duration": time}) for time in times]
 
@@ -158,7 +158,7 @@ def _from_the_start(trial: Trial) -> list[Step]:
     return [("a start on the motion, q0 = trajectory(0.0).q", {"q0": start})]
 
 
-def _payload(task: Task) -> list[Step]:
+def _payload(task: DesignTask) -> list[Step]:
     low, high = task.uncertainty.payload.tolist()
     most = [low + share * (high - low) for share in (0.5, 0.25)] if high > low else []
     return [
@@ -167,7 +167,7 @@ def _payload(task: Task) -> list[Step]:
     ]
 
 
-def _known_payload(task: Task) -> list[Step]:
+def _known_payload(task: DesignTask) -> list[Step]:
     low, high = task.uncertainty.payload.tolist()
     if high == low:
         return []
@@ -175,7 +175,7 @@ def _known_payload(task: Task) -> list[Step]:
     return [(f"a payload that is known, {high:g} kg", {"uncertainty": known})]
 
 
-def _armature(task: Task) -> list[Step]:
+def _armature(task: DesignTask) -> list[Step]:
     arm = task.arm
     if (arm.armature >= KNOWN_ARMATURE).all() or task.uncertainty.armature is not None:
         return []
@@ -183,11 +183,11 @@ def _armature(task: Task) -> list[Step]:
     return [(words, {"arm": arm.with_armature(np.maximum(arm.armature, KNOWN_ARMATURE))})]
 
 
-def _period(task: Task) -> list[Step]:
+def _period(task: DesignTask) -> list[Step]:
     return [(f"a shorter period, dt = {task.dt / n:g} s", {"dt": task.dt / n}) for n in _SHORTER]
 
 
-def _delay_and_noise(task: Task) -> list[Step]:
+def _delay_and_noise(task: DesignTask) -> list[Step]:
     uncertainty = task.uncertainty
     steps = [
         (f"a delay of {n} ticks", {"uncertainty": uncertainty.but(delay=n)})
@@ -200,7 +200,7 @@ def _delay_and_noise(task: Task) -> list[Step]:
     return steps
 
 
-def _accuracy(task: Task, refused: Checked) -> list[Step]:
+def _accuracy(task: DesignTask, refused: Checked) -> list[Step]:
     """A softer accuracy, where an error is what is wrong."""
     found = refused.design
     error = float((found.error + found.noise_error).max())
@@ -212,7 +212,7 @@ def _accuracy(task: Task, refused: Checked) -> list[Step]:
     return [(f"accuracy = {each:g} rad instead", {"accuracy": each}) for each in softer]
 
 
-def _slower_motion(task: Task) -> list[Step]:
+def _slower_motion(task: DesignTask) -> list[Step]:
     return [
         (
             f"a motion {factor:g} times slower, over {factor * task.duration:g} s",

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..law.limits import Limits
-from .gain_design import Design, Task
+from .gain_design import Design, DesignTask
 from .plant_sample import PlantSample
 from .torque_demand import Exertion, TorqueDemand, slowed
 from .uncertainty import Uncertainty
@@ -19,7 +19,9 @@ _DIGITS = 3
 _BISECTIONS = 24
 
 
-def demand_of(task: Task, exertion: Exertion, found: Design, slower: float = 1.0) -> TorqueDemand:
+def demand_of(
+    task: DesignTask, exertion: Exertion, found: Design, slower: float = 1.0
+) -> TorqueDemand:
     """Return what a task asks of the joints with the gains of a design.
 
     Args:
@@ -33,7 +35,7 @@ def demand_of(task: Task, exertion: Exertion, found: Design, slower: float = 1.0
     )
 
 
-def refused_for_torque(task: Task, found: Design, demand: TorqueDemand) -> Design:
+def refused_for_torque(task: DesignTask, found: Design, demand: TorqueDemand) -> Design:
     """Return the design with the joint that lacks most for its limits, and what all of them lack."""
     joint = int(np.argmax(demand.share))
     others = [
@@ -45,7 +47,7 @@ def refused_for_torque(task: Task, found: Design, demand: TorqueDemand) -> Desig
     return replace(found, joint=joint, reason=_reason(task, demand, joint) + also)
 
 
-def exertion_of(task: Task, samples: Sequence[PlantSample] = ()) -> Exertion:
+def exertion_of(task: DesignTask, samples: Sequence[PlantSample] = ()) -> Exertion:
     """Return the torques of a task's motion for every corner of the ranges.
 
     Args:
@@ -57,7 +59,7 @@ def exertion_of(task: Task, samples: Sequence[PlantSample] = ()) -> Exertion:
 
 
 def within_limits(
-    task: Task, found: Design, demand: TorqueDemand
+    task: DesignTask, found: Design, demand: TorqueDemand
 ) -> Iterator[list[tuple[str, dict[str, Any]]]]:
     """Yield how much slower or lighter the task has to be, and what the joints have to give, as changes to try.
 
@@ -73,7 +75,7 @@ def within_limits(
     yield _stronger(task, demand)
 
 
-def _reason(task: Task, demand: TorqueDemand, joint: int) -> str:
+def _reason(task: DesignTask, demand: TorqueDemand, joint: int) -> str:
     name, sample = task.arm.joint_names[joint], demand.plants[joint]
     plant = f"with a payload of {sample.payload:.3g} kg and links {sample.inertia_scale:.3g} times as heavy"
     if demand.lack[joint] <= 0.0:
@@ -88,7 +90,7 @@ def _reason(task: Task, demand: TorqueDemand, joint: int) -> str:
     )
 
 
-def without_reserve(task: Task, found: Design, demand: TorqueDemand) -> Design:
+def without_reserve(task: DesignTask, found: Design, demand: TorqueDemand) -> Design:
     """Add what its limit leaves the tightest joint to the reason of a design that does not converge."""
     left = demand.limit - demand.needed
     joint = int(np.argmin(left / demand.reserve))
@@ -99,7 +101,7 @@ def without_reserve(task: Task, found: Design, demand: TorqueDemand) -> Design:
     return replace(found, reason=found.reason + words)
 
 
-def _slower(task: Task, found: Design) -> list[tuple[str, dict[str, Any]]]:
+def _slower(task: DesignTask, found: Design) -> list[tuple[str, dict[str, Any]]]:
     """The smallest factor on the motion's time that the limits allow."""
     exertion = exertion_of(task)
 
@@ -113,7 +115,7 @@ def _slower(task: Task, found: Design) -> list[tuple[str, dict[str, Any]]]:
     return [(f"a motion {factor:g} times slower, over {changes['duration']:g} s", changes)]
 
 
-def _lighter(task: Task, found: Design) -> list[tuple[str, dict[str, Any]]]:
+def _lighter(task: DesignTask, found: Design) -> list[tuple[str, dict[str, Any]]]:
     """The largest payload that the limits allow."""
     low, high = task.uncertainty.payload.tolist()
 
@@ -130,7 +132,7 @@ def _lighter(task: Task, found: Design) -> list[tuple[str, dict[str, Any]]]:
     return [(f"a payload of {payload:g} kg at most", {"uncertainty": at_most(payload)})]
 
 
-def _stronger(task: Task, demand: TorqueDemand) -> list[tuple[str, dict[str, Any]]]:
+def _stronger(task: DesignTask, demand: TorqueDemand) -> list[tuple[str, dict[str, Any]]]:
     """Actuators that give what the joints lack."""
     limits, wanted = _limits(task), demand.needed + demand.reserve
     effort = np.where(wanted > demand.limit, [_rounded(x, up=True) for x in wanted], limits.effort)
@@ -140,7 +142,7 @@ def _stronger(task: Task, demand: TorqueDemand) -> list[tuple[str, dict[str, Any
     return [(words, {"limits": Limits(effort, rate)})]
 
 
-def _missing(task: Task, demand: TorqueDemand) -> Iterator[str]:
+def _missing(task: DesignTask, demand: TorqueDemand) -> Iterator[str]:
     for i, name in enumerate(task.arm.joint_names):
         if demand.needed[i] + demand.reserve[i] > demand.limit[i]:
             torque = _rounded(float(demand.needed[i] + demand.reserve[i]), up=True)
@@ -166,7 +168,7 @@ def _rounded(value: float, *, up: bool) -> float:
     return float(unit * (np.ceil(value / unit) if up else np.floor(value / unit)))
 
 
-def _limits(task: Task) -> Limits:
+def _limits(task: DesignTask) -> Limits:
     return Limits() if task.limits is None else task.limits
 
 

@@ -18,7 +18,7 @@ from ..robot.arm_model import ArmModel
 from ..simulation.result import SimulationResult
 from ..simulation.run import simulate
 from ..trajectories import Trajectory
-from .gain_design import Design, Task
+from .gain_design import Design, DesignTask
 from .plant_sample import PlantSample
 from .torque_demand import TorqueDemand
 
@@ -86,7 +86,7 @@ def controller_for(
 
 
 def worst_cases(
-    task: Task,
+    task: DesignTask,
     design: Design,
     impedance: Impedance,
     q0: Array,
@@ -132,7 +132,7 @@ def needed_variation(plant: ArmModel, trajectory: Trajectory, times: Array) -> A
 
 
 def _run(
-    task: Task,
+    task: DesignTask,
     design: Design,
     impedance: Impedance,
     q0: Array,
@@ -173,7 +173,7 @@ def _run(
     )
 
 
-def _at_limits(task: Task, result: SimulationResult) -> str:
+def _at_limits(task: DesignTask, result: SimulationResult) -> str:
     """Which joints are at their torque limits, for how long."""
     shares = result.saturated.mean(axis=0)
     names = zip(task.arm.joint_names, shares, strict=True)
@@ -182,7 +182,7 @@ def _at_limits(task: Task, result: SimulationResult) -> str:
 
 
 def _verdict(
-    task: Task, design: Design, noisy: bool, error: Array, variation: Array, needed: Array
+    task: DesignTask, design: Design, noisy: bool, error: Array, variation: Array, needed: Array
 ) -> tuple[int | None, str, bool]:
     """The joint that fails, why, and whether it is unstable."""
     names = task.arm.joint_names
