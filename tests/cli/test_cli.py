@@ -19,6 +19,7 @@ from rbimpedance.robot.loading.robot_nicknames import NICKNAMES
 from rbimpedance.robot.loading.robot_sources import known_names
 from rbimpedance.simulation import scenarios
 
+from .. import arms
 from ..arms import LIMIT, urdf, urdf_joint, urdf_link
 from ..command_line import call
 
@@ -413,3 +414,29 @@ def test_every_nickname_leads_to_names_that_can_be_loaded() -> None:
         assert [
             name for name in names if name not in here and not name.endswith("_description")
         ] == []
+
+
+def test_a_payload_that_does_not_load_the_last_joint_is_noted(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "arm.urdf"
+    file.write_text(
+        arms.urdf(arms.urdf_joint("turn", "continuous", "base", "hub"), arms.urdf_link("hub", 2.0))
+    )
+    options = ("--payload", "0.1", "--duration", "0.1", "--quiet", "--out", str(tmp_path))
+    call(monkeypatch, "run", str(file), *GAINS, *options)
+    assert "the tool frame 'hub' lies on the axis of joint 'turn'" in capsys.readouterr().err
+
+
+def test_run_of_an_arm_without_masses_says_that_there_is_no_gravity(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "arm.urdf"
+    file.write_text(
+        arms.urdf(arms.urdf_joint("turn", "continuous", "base", "hub"), '<link name="hub"/>')
+    )
+    options = ("--massless", "--armature", "0.1", "--duration", "0.1", "--out", str(tmp_path))
+    call(monkeypatch, "run", str(file), *GAINS, *options)
+    said = capsys.readouterr()
+    assert said.err.startswith("note: NO GRAVITY")
+    assert "ok: within its limits" in said.out

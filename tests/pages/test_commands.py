@@ -48,7 +48,7 @@ _TUNE = "tune ur5 --payload 2 --inertia-scale 1.1 --out out"
 _RUN = "run ur5 --payload 1.3 --gains out/gains.json"
 _PANDA = "run panda --payload 2 --armature 0.1"
 _RUN_FILES = ("errors.png", "impedance_error.png", "torque.png", "result.npz")
-_TUNED = ("proposed gains", r"The controller \w+ [\d.]+ kg")
+_TUNED = ("proposed gains", r"The controller's model holds [\d.]+ kg")
 _STUDY = ("--robots", "ur5", "--samples", "1", "--disturbances", "nothing")
 
 COMMANDS = {
@@ -63,7 +63,7 @@ COMMANDS = {
         (r"^written: run\.html$",), ("run.html",), needs=(f"{_RUN} --out out",), slow=True
     ),
     "paper": Shown(
-        ("both mended", "Slotine-Li", "inertia model, power surface, explicit scheme"),
+        ("both corrected", "Slotine-Li", "inertia model, power surface, explicit scheme"),
         ("out/fig2_errors.png", "out/fig3_impedance_error.png", "out/fig4_torque.png"),
         shorter=("--duration", "1"),
         slow=True,

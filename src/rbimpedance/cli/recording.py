@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from .._common.files import remove_parts
 from ..exceptions import DivergenceError
+from ..robot.arm_model import ArmModel
 from ..simulation.closed_loop import OnTick
 from ..simulation.result import SimulationResult
 from .options import OutputOptions
@@ -70,6 +71,13 @@ def draw(
         stem: getattr(pictures, name)(result) for stem, name in figures.items()
     }
     return [pictures.save(figure, folder / f"{stem}.png") for stem, figure in drawn.items()]
+
+
+def say_grave_notes(arm: ArmModel) -> None:
+    """Print on stderr what makes gains and runs of an arm worth less than they look."""
+    for note in arm.notes:
+        if note.startswith(("NO GRAVITY", "the tool frame")):
+            stderr.print(f"note: {note}", soft_wrap=True, markup=False)
 
 
 def say_failed(reasons: Sequence[str], remedies: Sequence[str] = ()) -> None:

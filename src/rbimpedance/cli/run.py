@@ -22,7 +22,7 @@ from ..tuning.gains_file import save_gains
 from .law import TUNING_TIME, LawOptions, tuned
 from .option_groups import with_options
 from .options import OutputOptions, Robot, RobotOptions, numbers, option
-from .recording import FAILED, draw, record, say_failed, say_written
+from .recording import FAILED, draw, record, say_failed, say_grave_notes, say_written
 from .run_tables import result_figures, result_table
 from .task_options import MotionOptions, TargetOptions, Task, UnknownOptions
 from .terminal import print_json, print_table, stdout
@@ -94,6 +94,7 @@ def run(
     Exit code 1: the arm is lost, leaves its limits or needs more torque than it has.
     """
     task = Task(reading.load(robot), motion, target, unknown)
+    say_grave_notes(task.arm)
     environment = acting.environment()
     for folder in (output.out, *([output.html.parent] if output.html else [])):
         folder.mkdir(parents=True, exist_ok=True)  # now, not when the run is over
@@ -179,6 +180,8 @@ def _end(
     elif result is not None:
         if not output.quiet:
             print_table(result_table(title, result))
+            if not reasons:
+                stdout.print(f"ok: {result.verdict()}", soft_wrap=True, markup=False)
         say_written(files)
     if reasons:
         raise typer.Exit(FAILED)

@@ -12,7 +12,7 @@ from ..tuning.gains_file import proposal_data, save_gains
 from .law import tuned
 from .option_groups import with_options
 from .options import OutputOptions, Robot, RobotOptions
-from .recording import FAILED, say_written
+from .recording import FAILED, say_grave_notes, say_written
 from .task_options import MotionOptions, TargetOptions, Task, UnknownOptions
 from .terminal import print_json, print_table, stdout
 from .tune_tables import case_names, gains_table, torque_table, worst_table
@@ -32,6 +32,7 @@ def tune(
 ) -> None:
     """Propose gains for what is not known about a robot, or say why there are none (exit code 1)."""
     task = Task(reading.load(robot), motion, target, unknown)
+    say_grave_notes(task.arm)
     proposal = tuned(task, quiet=output.silent, accuracy=accuracy)
     files = _write(proposal, output.out)
     if output.as_json:

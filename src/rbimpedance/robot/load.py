@@ -114,7 +114,7 @@ def _arm(
     tool = default_tool_frame(model, robot.link_order) if tool_frame is None else tool_frame
     if not isinstance(tool, str):
         raise ModelError(f"tool_frame= takes the name of a frame, got {tool!r}")
-    notes = model_notes(robot, model)
+    notes = model_notes(robot, model, tool)
     if armature is not None:
         given = gain("armature", armature, "non-negative", lambda x: x >= 0.0)
         model.armature = np.array(per_joint("armature", given, model.nv))

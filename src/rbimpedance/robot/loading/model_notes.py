@@ -11,16 +11,21 @@ from .full_robot import FullRobot
 from .soundness import massless_joints
 from .urdf_document import listed
 
+ON_THE_AXIS = 1e-6
+"""A tool frame nearer to the origin of a turning joint lies on that joint's axis [m]."""
 
-def model_notes(robot: FullRobot, model: pin.Model) -> tuple[str, ...]:
+
+def model_notes(robot: FullRobot, model: pin.Model, tool_frame: str) -> tuple[str, ...]:
     """Return what is worth saying, the gravest first.
 
     Args:
         robot: The robot before anything was frozen.
         model: Its model in which what is locked is frozen.
+        tool_frame: Name of the tool frame.
     """
     return (
         *_mass_notes(model),
+        *_tool_notes(model, tool_frame),
         *robot.notes,
         *_follower_notes(robot),
         *_limit_notes(model),
@@ -36,6 +41,21 @@ def _mass_notes(model: pin.Model) -> tuple[str, ...]:
     return (
         f"NO GRAVITY: the links that {listed(names)} move have no mass in this model; the torque that supports them is "
         "taken as 0, and the real links will fall",
+    )
+
+
+def _tool_notes(model: pin.Model, tool_frame: str) -> tuple[str, ...]:
+    """Say that the tool frame is the origin of a turning joint, so that a payload there does not load the joint."""
+    frames = [f for f in model.frames if f.name == tool_frame and f.type != pin.FrameType.JOINT]
+    if not frames or frames[0].parentJoint == 0:
+        return ()
+    joint, offset = frames[0].parentJoint, frames[0].placement.translation
+    slides = model.joints[joint].shortname().startswith("JointModelP")
+    if slides or np.linalg.norm(offset) > ON_THE_AXIS:
+        return ()
+    return (
+        f"the tool frame '{tool_frame}' lies on the axis of joint '{model.names[joint]}', which a payload there does "
+        "not load: add a link at the tip, name another frame with tool_frame=, or give the payload a centre of mass",
     )
 
 
