@@ -122,6 +122,7 @@ def test_room_does_not_know_pinocchio(room: str) -> None:
     assert "pinocchio" not in _libraries(room)
 
 
+@pytest.mark.slow
 def test_importing_the_package_loads_no_heavy_library() -> None:
     code = f"import sys, rbimpedance; print(*(set({HEAVY!r}) & set(sys.modules)))"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

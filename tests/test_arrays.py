@@ -17,6 +17,7 @@ from rbimpedance._common.arrays import gain, per_joint, positive, positive_numbe
 REALS = ["<f8", ">f8", "<f4", ">f4", "<i4", ">i8", "u1", "f2"]
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(kind=st.sampled_from(REALS), stride=st.sampled_from([1, 2, -1, -3]), data=st.data())
 def test_every_real_form_becomes_the_same_native_vector(

@@ -62,6 +62,7 @@ def _names(wheel: Path) -> set[str]:
         return set(archive.namelist())
 
 
+@pytest.mark.slow
 def test_wheel_carries_every_module_and_every_bundled_robot(wheel: Path) -> None:
     package, robots = ROOT / "src" / "rbimpedance", ROOT / "urdf"
     modules = [p.relative_to(package.parent).as_posix() for p in package.rglob("*.py")]
@@ -70,6 +71,7 @@ def test_wheel_carries_every_module_and_every_bundled_robot(wheel: Path) -> None
     assert {*modules, *bundled, "rbimpedance/py.typed"} <= _names(wheel)
 
 
+@pytest.mark.slow
 def test_wheel_from_the_sdist_is_the_wheel_from_the_checkout(
     wheel: Path, sdist: Path, tmp_path: Path
 ) -> None:
@@ -84,6 +86,7 @@ def test_sdist_carries_tests_and_documents(sdist: Path) -> None:
     assert documents | tests <= names
 
 
+@pytest.mark.slow
 def test_wheel_install_finds_its_robots_without_the_checkout(wheel: Path, tmp_path: Path) -> None:
     target, elsewhere = tmp_path / "target", tmp_path / "elsewhere"
     elsewhere.mkdir()
@@ -93,6 +96,7 @@ def test_wheel_install_finds_its_robots_without_the_checkout(wheel: Path, tmp_pa
     assert output.splitlines() == [str(target / "rbimpedance"), "joint1 joint2"]
 
 
+@pytest.mark.slow
 def test_editable_install_finds_the_top_level_robots(tmp_path: Path) -> None:
     package = ROOT / "src" / "rbimpedance"
     if Path(rbi.__file__).parent != package:

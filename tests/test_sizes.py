@@ -8,6 +8,8 @@ import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 import rbimpedance
 
 SOURCES = Path(rbimpedance.__file__).parent
@@ -56,6 +58,7 @@ def _sizes() -> Iterator[tuple[str, str, int]]:
                 yield kind, f"{name}:{node.name}", len(lines & set(inside))
 
 
+@pytest.mark.slow
 def test_nothing_is_larger_than_it_may_be() -> None:
     large = {name: size for kind, name, size in _sizes() if size > LARGEST[kind]}
     assert {name: size for name, size in large.items() if name not in EXCEPTIONS} == {}

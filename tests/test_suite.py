@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -21,6 +23,7 @@ def _collected(*options: str, path: str = "") -> subprocess.CompletedProcess[str
     )
 
 
+@pytest.mark.slow
 def test_a_plugin_that_warns_when_it_is_loaded_does_not_stop_the_suite(tmp_path: Path) -> None:
     (tmp_path / "stray.py").write_text("raise DeprecationWarning('stray')")
     installed = tmp_path / "stray-1.0.dist-info"
@@ -31,6 +34,7 @@ def test_a_plugin_that_warns_when_it_is_loaded_does_not_stop_the_suite(tmp_path:
     assert run.returncode == 0, run.stderr
 
 
+@pytest.mark.slow
 def test_slow_tests_wait_for_their_flag(tmp_path: Path) -> None:
     (tmp_path / "conftest.py").write_text((ROOT / "tests" / "conftest.py").read_text("utf-8"))
     (tmp_path / "test_two.py").write_text(

@@ -63,6 +63,7 @@ def a_report(*values: float) -> Report:
     return Report({"date": "today"}, (Section("key", "Title", "Text.", lines),))
 
 
+@pytest.mark.slow
 def test_phases_sum_to_the_total(setting: Setting) -> None:
     table = phases(setting)
     for backend in ("pinocchio", "compiled"):
@@ -86,6 +87,7 @@ def test_percentiles_rise(tick_table: Section) -> None:
         assert values == sorted(values)
 
 
+@pytest.mark.slow
 def test_yardsticks_of_the_closed_loop_make_one(setting: Setting) -> None:
     table = loop(setting)
     figure = f"{RATIO} (rnea + aba)"
@@ -114,6 +116,7 @@ def test_paced_loop_gives_one_duration_a_period() -> None:
     assert found.late.min() >= 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", paced.COLLECTORS)
 def test_garbage_collector_is_left_as_it_was(mode: str) -> None:
     with paced.collector(mode):

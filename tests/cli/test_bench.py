@@ -27,6 +27,7 @@ def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_every_cost_is_a_positive_time_and_its_ratio_to_the_yardstick(saved: Path) -> None:
     found = json.loads(saved.read_text(encoding="utf-8"))
     assert list(found["costs"]) == list(MEASUREMENTS)
@@ -50,6 +51,7 @@ def test_costs_are_medians() -> None:
     assert found["step"] == {TIME: 5.0, RATIO: 2.5}
 
 
+@pytest.mark.slow
 def test_comparison_prints_the_ratio_before(
     saved: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:

@@ -26,6 +26,7 @@ from ..command_line import call
 GAINS = ("--k1", "15", "--k2", "40")
 
 
+@pytest.mark.slow
 def test_paper_writes_figures_and_data_and_names_them(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -36,6 +37,7 @@ def test_paper_writes_figures_and_data_and_names_them(
         assert name in printed
 
 
+@pytest.mark.slow
 def test_paper_npz_holds_the_run_of_the_scenario(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -49,6 +51,7 @@ def test_paper_npz_holds_the_run_of_the_scenario(
     np.testing.assert_array_equal(written.tau, expected.tau)
 
 
+@pytest.mark.slow
 def test_run_takes_a_urdf_on_stdin(tmp_path: Path) -> None:
     urdf = Path(__file__).parents[2] / "urdf" / "two_link.urdf"
     options = ["--duration", "0.1", *GAINS, "--out", str(tmp_path), "--json"]
@@ -65,6 +68,7 @@ def test_run_takes_a_urdf_on_stdin(tmp_path: Path) -> None:
     assert (tmp_path / "result.npz").exists()
 
 
+@pytest.mark.slow
 def test_payload_reaches_the_plant_and_not_the_controller(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -145,6 +149,7 @@ def test_view_writes_one_file_named_after_the_robot(
     assert [path.name for path in tmp_path.iterdir()] == ["two_link.html"]
 
 
+@pytest.mark.slow
 def test_run_writes_the_animation_that_view_writes_from_its_result(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -155,6 +160,7 @@ def test_run_writes_the_animation_that_view_writes_from_its_result(
     assert abs(run.stat().st_size - view.stat().st_size) < 1000  # one arrow, given or found
 
 
+@pytest.mark.slow
 def test_view_serves_the_page_until_it_is_interrupted() -> None:
     command = [sys.executable, "-u", "-m", "rbimpedance", "view", "two_link"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
@@ -213,6 +219,7 @@ def test_nothing_is_coloured_when_output_is_no_terminal(
 UNGUARDED = ("--limits", "none", "--no-stops")
 
 
+@pytest.mark.slow
 def test_lost_arm_is_exit_code_1_and_said_in_one_line(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -228,6 +235,7 @@ def test_lost_arm_is_exit_code_1_and_said_in_one_line(
         assert words in line
 
 
+@pytest.mark.slow
 def test_arm_that_leaves_its_position_limits_is_exit_code_1(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -242,6 +250,7 @@ def test_arm_that_leaves_its_position_limits_is_exit_code_1(
     assert stopped.q.max() < 2.1 < free.q.max()
 
 
+@pytest.mark.slow
 def test_run_without_gains_tunes_them_for_what_is_unknown_and_says_so(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -269,6 +278,7 @@ def test_gains_that_do_not_exist_are_exit_code_1_with_the_remedies(
     assert any(remedy.startswith("accuracy = ") for remedy in verdict["remedies"])
 
 
+@pytest.mark.slow
 def test_unknowns_are_in_the_simulated_arm_at_the_last_number_of_each_range(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -291,6 +301,7 @@ def test_unknowns_are_in_the_simulated_arm_at_the_last_number_of_each_range(
     assert made_by["controller"]["arm"]["digest"] == arm.digest
 
 
+@pytest.mark.slow
 def test_run_starts_on_its_reference_or_where_it_is_told_to(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -309,6 +320,7 @@ def test_joints_are_chosen_by_name(
     assert json.loads(capsys.readouterr().out)["joint_names"] == ["elbow_joint"]
 
 
+@pytest.mark.slow
 def test_wrench_of_six_numbers_turns_the_tool(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -318,6 +330,7 @@ def test_wrench_of_six_numbers_turns_the_tool(
     np.testing.assert_allclose(np.abs(result.tau_ext[0]), 2.0)  # both axes are parallel to y
 
 
+@pytest.mark.slow
 def test_controller_keeps_the_torque_limits_of_the_description_unless_told_otherwise(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -329,6 +342,7 @@ def test_controller_keeps_the_torque_limits_of_the_description_unless_told_other
         assert (None if kept is None else np.ravel(kept["effort"])[0]) == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("word", "now"), [("mass", "inertia"), ("full", "full")])
 def test_old_option_known_works_and_warns(
     monkeypatch: pytest.MonkeyPatch,

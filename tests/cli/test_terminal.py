@@ -66,6 +66,7 @@ def plain(text: str) -> str:
 # --- terminal and file ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_terminal_shows_progress_with_the_time_left_and_colours(tmp_path: Path) -> None:
     said = in_a_terminal(tmp_path, *RUN)
     assert "simulating two_link" in said
@@ -73,12 +74,14 @@ def test_terminal_shows_progress_with_the_time_left_and_colours(tmp_path: Path) 
     assert COLOUR.search(said)
 
 
+@pytest.mark.slow
 def test_no_color_is_respected(tmp_path: Path) -> None:
     said = in_a_terminal(tmp_path, *RUN, NO_COLOR="1")
     assert "simulating two_link" in said
     assert COLOUR.search(said) is None
 
 
+@pytest.mark.slow
 def test_quiet_run_shows_neither_progress_nor_table_in_a_terminal(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -91,6 +94,7 @@ def test_quiet_run_shows_neither_progress_nor_table_in_a_terminal(
     assert "simulating" not in said.err
 
 
+@pytest.mark.slow
 def test_nothing_that_only_figures_need_is_loaded_before_the_first_sign_of_life() -> None:
     code = (
         "import sys, rbimpedance.cli; print({'matplotlib', 'meshcat', 'pandas'} & set(sys.modules))"
@@ -240,6 +244,7 @@ def test_missing_mesh_is_a_note_and_the_file_is_written(
     assert said.out == "written: arm.html\n"
 
 
+@pytest.mark.slow
 def test_view_without_a_display_says_so_and_goes_on_serving(tmp_path: Path) -> None:
     """Neither a display nor a browser: the page is served all the same."""
     command = [sys.executable, "-u", "-m", "rbimpedance", "view", "two_link", "--open"]

@@ -458,6 +458,7 @@ def _in_a_new_process(code: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.slow
 def test_without_numba_numpy_computes_and_that_is_said_once() -> None:
     run = _in_a_new_process(
         "import sys, numpy as np, rbimpedance as rbi\n"

@@ -190,6 +190,7 @@ def test_inadmissible_gains_are_refused_by_name(arm: rbi.ArmModel) -> None:
 # Computed torque
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "impedance", [IMPEDANCE, rbi.FiniteTimeImpedance(1.0, 10.0, 20.0, exponent=0.7)]
 )
@@ -229,6 +230,7 @@ def test_computed_torque_is_the_textbook_formula(rng: np.random.Generator) -> No
 # PD
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [PDGravity, PDPlus])
 def test_unknown_payload_sags_the_springs_by_its_weight(
     law: type[PDGravity] | type[PDPlus], arm: rbi.ArmModel
@@ -261,6 +263,7 @@ def _dissipation_gap(energy: Array, power: Array, dt: float) -> float:
     return float(np.abs(np.diff(energy) + dissipated).sum() / dissipated.sum())
 
 
+@pytest.mark.slow
 def test_pd_plus_loses_its_error_energy_to_the_dampers_alone() -> None:
     arm, D, K = manipulator(), np.linspace(2.0, 5.0, 6), 30.0
     trajectory, gaps = cosine(arm, amplitude=0.3, period=2.0), []
@@ -302,6 +305,7 @@ def _disturbance(result: rbi.SimulationResult) -> Array:
     )
 
 
+@pytest.mark.slow
 def test_sign_chatters_in_proportion_to_the_period(arm: rbi.ArmModel) -> None:
     steps, amplitudes, variations = np.array([4e-3, 2e-3, 1e-3]), [], []
     for dt in steps:
@@ -316,6 +320,7 @@ def test_sign_chatters_in_proportion_to_the_period(arm: rbi.ArmModel) -> None:
     assert np.polyfit(np.log(steps), np.log(variations), 1)[0] == pytest.approx(-1.0, abs=0.15)
 
 
+@pytest.mark.slow
 def test_boundary_layer_holds_with_the_error_that_its_slope_needs(arm: rbi.ArmModel) -> None:
     width = 0.5
     result = _slide(arm, 1e-3, "boundary-layer", width)
@@ -325,6 +330,7 @@ def test_boundary_layer_holds_with_the_error_that_its_slope_needs(arm: rbi.ArmMo
     assert result.metrics(after=3.0)["tau_variation"].max() < 0.1
 
 
+@pytest.mark.slow
 def test_boundary_layer_bounds_the_error_of_a_moving_arm(arm: rbi.ArmModel) -> None:
     width = 0.2
     controller = FirstOrderSlidingMode(
@@ -346,6 +352,7 @@ def test_boundary_layer_bounds_the_error_of_a_moving_arm(arm: rbi.ArmModel) -> N
     assert np.abs(result.e1).max() <= width * w / SWITCHING_GAIN / SWITCHING_RATE
 
 
+@pytest.mark.slow
 def test_dead_zone_leaves_the_error_of_its_width(arm: rbi.ArmModel) -> None:
     width, dt = 0.1, 1e-3
     result = _slide(arm, dt, "dead-zone", width)
@@ -368,6 +375,7 @@ def test_dead_zone_does_not_switch_within_it(arm: rbi.ArmModel, rng: np.random.G
 # Slotine and Li
 
 
+@pytest.mark.slow
 def test_slotine_li_loses_its_sliding_energy_to_its_gain_alone() -> None:
     arm, K_s = manipulator(), np.linspace(2.0, 5.0, 6)
     trajectory, gaps = cosine(arm, amplitude=0.3, period=2.0), []
@@ -443,6 +451,7 @@ def test_pid_places_all_poles_of_the_sampled_loop_at_its_bandwidth() -> None:
     assert_allclose(e[0], [-0.3, 0.2])
 
 
+@pytest.mark.slow
 def test_pid_error_decays_as_the_triple_pole_says_on_an_arm_that_is_known() -> None:
     arm, p, gaps = manipulator(), 8.0, []
     trajectory = hold(arm, np.linspace(-0.5, 0.5, 6))
@@ -456,6 +465,7 @@ def test_pid_error_decays_as_the_triple_pole_says_on_an_arm_that_is_known() -> N
     assert gaps[1] / gaps[0] == pytest.approx(0.5, abs=0.1)  # held torque: first order
 
 
+@pytest.mark.slow
 def test_pid_leaves_no_error_under_an_unknown_payload(arm: rbi.ArmModel) -> None:
     p, reference = 15.0, hold(arm, [0.4, 0.6])
     result = rbi.simulate(
@@ -469,6 +479,7 @@ def test_pid_leaves_no_error_under_an_unknown_payload(arm: rbi.ArmModel) -> None
     assert np.abs(result.e1[-1]).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_pid_lags_behind_a_disturbance_that_grows_by_its_rate_over_the_bandwidth_cubed(
     arm: rbi.ArmModel,
 ) -> None:
@@ -483,6 +494,7 @@ def test_pid_lags_behind_a_disturbance_that_grows_by_its_rate_over_the_bandwidth
     assert_allclose(output.e1, rate / p**3, rtol=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limits", [rbi.Limits(effort=25.0), rbi.Limits(rate=1.0)])
 def test_pid_does_not_wind_up_while_brakes_hold_the_arm(
     arm: rbi.ArmModel, limits: rbi.Limits

@@ -145,6 +145,7 @@ def arm(request: pytest.FixtureRequest) -> rbi.ArmModel:
     return arm
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("surface", "scheme", "model"), COMBINATIONS)
 def test_ticks_are_those_of_the_specification(
     arm: rbi.ArmModel,
@@ -173,6 +174,7 @@ def test_ticks_are_those_of_the_specification(
                 assert_same(specification, fast, draw(arm, rng, ticks))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
 def test_ticks_near_the_surface_are_those_of_the_specification(
     arm: rbi.ArmModel, way: type[CompiledForm], rng: np.random.Generator
@@ -427,12 +429,14 @@ def test_fused_ticks_carry_joints_that_follow_others(rng: np.random.Generator) -
             assert_same(specification, tick(PinocchioTick, specification), arguments)
 
 
+@pytest.mark.slow
 def test_package_does_not_load_numba_until_it_is_needed() -> None:
     code = "import sys, rbimpedance, rbimpedance.control.compiled; print('numba' in sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "False"
 
 
+@pytest.mark.slow
 def test_a_second_process_compiles_nothing() -> None:
     """The kernels that this process has made or found are on the disk."""
     assert warm_up()

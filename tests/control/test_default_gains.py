@@ -80,6 +80,7 @@ def middle(arm: rbi.ArmModel) -> tuple[Array, Array]:
     return center, np.minimum(0.2, 0.2 * (high - low))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "corner"), CASES)
 def test_defaults_track_with_the_stated_payload_friction_and_delay_and_do_not_chatter(
     name: str, corner: str

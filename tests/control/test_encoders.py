@@ -111,6 +111,7 @@ def test_measured_velocity_passes() -> None:
     np.testing.assert_array_equal(v, 7.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bandwidth", [None, 50.0, 200.0])
 def test_rounding_is_the_noise_that_it_is_said_to_be(bandwidth: float | None) -> None:
     arm, count = manipulator(), 1e-5

@@ -61,6 +61,7 @@ def slow(rng: np.random.Generator, ticks: int) -> Array:
     return np.asarray(sum(np.sin(r * t + p) for r, p in zip(rates, phase, strict=True)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_port_gives_out_no_more_than_was_stored_at_the_start(seed: int) -> None:
     """Gains that jump at random and a told torque that has nothing to do with the real one. The work at the port, the
@@ -126,6 +127,7 @@ def test_stiffening_goes_as_far_as_the_tank_pays() -> None:
     assert after.energy == pytest.approx(0.0, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_rest_of_a_change_follows_as_the_damper_fills_the_tank() -> None:
     tank, state = stretched()
     tank = tank.with_impedance(rbi.Impedance(1.0, 20.0, 100.0))
@@ -148,6 +150,7 @@ def test_softening_is_free_and_fills_the_tank() -> None:
     assert after.energy == pytest.approx(0.3 + 5.0 * state.q_e[0] ** 2, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_sensor_of_the_wrong_sign_moves_the_arm_no_further_than_the_tank_pays() -> None:
     """Told -4 N·m where there are 4. Against them 0.05 J pay for 12.5 mm of joint travel at most, and what the damper
     takes in pays for less; the filter alone would go 0.2 rad the wrong way."""
@@ -176,6 +179,7 @@ def test_late_ticks_are_counted() -> None:
         assert held + state.energy <= 0.25 + work + 1e-9
 
 
+@pytest.mark.slow
 def test_observer_hears_the_motors() -> None:
     """In a run with a momentum observer what the port took in is close to the work of the environment."""
     arm = rbi.load_robot("two_link")

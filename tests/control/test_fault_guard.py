@@ -117,6 +117,7 @@ def freezes(start: int, stop: int, joint: int | None = None, names: str = "qv") 
 # --- nothing is wrong -----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "wrap", [lambda x: x, ReferenceGuard, EnergyTank], ids=["law", "guard", "tank"]
 )
@@ -130,6 +131,7 @@ def test_guard_is_out_of_the_way_while_all_is_well(wrap: Any) -> None:
     assert {output.fault for output in guarded} == {None}
 
 
+@pytest.mark.slow
 def test_rest_is_no_frozen_sensor() -> None:
     """An arm that holds still, and says so with the same bits at every tick."""
     arm = rbi.load_robot("two_link")
@@ -175,6 +177,7 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], None], str, str]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("change", "kind", "name"), FAULTS.values(), ids=FAULTS)
 @pytest.mark.parametrize("policy", ["hold", "stop"])
 def test_fault_is_named_met_and_overcome(policy: Any, change: Any, kind: str, name: str) -> None:
@@ -250,6 +253,7 @@ def test_repeated_measurement_of_a_tick_or_two_is_borne() -> None:
     assert outputs[-1].response == "run"
 
 
+@pytest.mark.slow
 def test_range_is_the_users() -> None:
     arm = rbi.load_robot("two_link")
     narrow = OperatingRange(arm, lower=[-0.1, -np.inf])
@@ -271,6 +275,7 @@ def test_jump_of_the_velocity_is_found_where_its_range_is_stated() -> None:
 # --- how the arm comes to rest --------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("policy", ["hold", "stop"])
 def test_arm_whose_sensors_are_gone_comes_to_rest_on_its_model(policy: Any) -> None:
     arm = rbi.load_robot("two_link")
@@ -281,6 +286,7 @@ def test_arm_whose_sensors_are_gone_comes_to_rest_on_its_model(policy: Any) -> N
     assert_within_limits(torques(outputs))
 
 
+@pytest.mark.slow
 def test_payload_that_nobody_told_of_does_not_fall_while_the_sensors_are_gone() -> None:
     """0.3 kg, which the observer has found while all was well. Without it the arm falls; 0.4 s are shown."""
     arm = rbi.load_robot("two_link")
@@ -294,6 +300,7 @@ def test_payload_that_nobody_told_of_does_not_fall_while_the_sensors_are_gone() 
     assert speeds[0] < 0.5 * speeds[1]
 
 
+@pytest.mark.slow
 def test_stop_brakes_at_the_rate_that_was_asked_for() -> None:
     """v dies away as e^(-λt), by the closed form; with the torque free to step."""
     arm, rate = rbi.load_robot("two_link"), 10.0
@@ -303,6 +310,7 @@ def test_stop_brakes_at_the_rate_that_was_asked_for() -> None:
     assert_allclose(v[400:601], expected, atol=0.03 * np.abs(v[400]).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("told", [0.0, 2.0, -2.0, 20.0])
 def test_stopped_arm_rests_under_a_push_whatever_is_told_of_it(told: float) -> None:
     """2 N·m on a pendulum. Told right or wrong, once it is stopped it comes to rest, because the observer finds it."""
@@ -324,6 +332,7 @@ def test_stopped_arm_rests_under_a_push_whatever_is_told_of_it(told: float) -> N
 # --- how the controller comes back ----------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_controller_comes_back_without_a_jump_and_returns_to_the_motion() -> None:
     """Off for 0.3 s, the arm is 0.1 rad off its motion; it returns as its impedance lets it."""
     arm = rbi.load_robot("two_link")
@@ -339,6 +348,7 @@ def test_controller_comes_back_without_a_jump_and_returns_to_the_motion() -> Non
     assert off[back:].max() < 1.3 * off[back]
 
 
+@pytest.mark.slow
 def test_load_that_the_controller_has_learnt_survives_a_fault() -> None:
     """A payload, learnt by z, does not drop when one measurement is lost: the torque stays within a quarter of its
     weight of what it is without the fault."""
@@ -376,6 +386,7 @@ def test_period_that_cannot_be_is_a_fault(period: Any) -> None:
     assert output.fault.name == "period"
 
 
+@pytest.mark.slow
 def test_step_is_pure() -> None:
     arm = rbi.load_robot("two_link")
     guard = FaultGuard(law(arm), "hold")
@@ -462,6 +473,7 @@ def _assert_sound(output: Any) -> None:
     assert (np.abs(output.tau) <= EFFORT).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=100)
 @given(st.lists(INPUTS, min_size=1, max_size=3), st.sampled_from(["raise", "hold", "stop"]))
 def test_no_input_leads_to_a_torque_beyond_the_limits_or_to_an_untyped_error(
@@ -479,6 +491,7 @@ def test_no_input_leads_to_a_torque_beyond_the_limits_or_to_an_untyped_error(
         _assert_sound(output)
 
 
+@pytest.mark.slow
 @settings(max_examples=100)
 @given(INPUTS)
 def test_law_itself_gives_a_finite_torque_or_a_typed_error(inputs: Any) -> None:

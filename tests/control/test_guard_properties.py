@@ -154,6 +154,7 @@ def _ends(arm: rbi.ArmModel) -> tuple[Array, Array]:
 # --- the cases that once failed ------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("policy", ["stop", pytest.param("hold", marks=pytest.mark.slow)])
 def test_fast_arm_with_good_sensors_is_brought_to_rest(policy: str) -> None:
     """Joint 1 of panda truly at 2.1 speed limits: 12.3 times the limit and still speeding, once."""
@@ -166,6 +167,7 @@ def test_fast_arm_with_good_sensors_is_brought_to_rest(policy: str) -> None:
     assert result.response[-1] == "run"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("policy", ["stop", pytest.param("hold", marks=pytest.mark.slow)])
 def test_untold_push_does_not_run_away(policy: str) -> None:
     """50 N·m on joint 1 for 0.3 s: 34 times the limit, once; 15 times with the bare controller."""
@@ -230,6 +232,7 @@ def assert_release_is_slow(
     assert (beyond <= np.minimum(most, 2.0 * effort)).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("flicker", ["the same bits", "half a count of flicker"])
 def test_release_of_brakes_is_slow_although_the_reference_has_moved_on(flicker: str) -> None:
     """87 N·m and 5 to 30 speed limits after the release, once; with the brakes on for 0.6 s here."""
@@ -264,6 +267,7 @@ def assert_no_policy_is_worse(seed: int, ticks: int, slow: float) -> None:
         assert not any(guard.brakes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [4, 14])
 def test_no_policy_ends_faster_than_the_bare_controller_and_none_is_blind(seed: int) -> None:
     assert_no_policy_is_worse(seed, 500, slow=1.0)
@@ -302,6 +306,7 @@ def assert_blind_torque_vanishes(seed: int, ticks: int) -> None:
         assert size[-1] <= 1.5 * expected * size[blind] + 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 5])
 def test_blind_arm_never_gets_a_constant_torque_for_ever(seed: int) -> None:
     assert_blind_torque_vanishes(seed, 600)

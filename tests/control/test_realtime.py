@@ -109,6 +109,7 @@ def test_a_state_that_was_asked_for_stays_as_it_was(
     assert_array_equal(state.z, z)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_ticks_leave_no_memory_behind(backend: Backend, rng: np.random.Generator) -> None:
     c = controller(arms.spinner(), backend, limits=5.0)

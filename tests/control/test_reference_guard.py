@@ -60,6 +60,7 @@ def jerk(result: rbi.SimulationResult) -> float:
     return float(np.abs(np.diff(result.e2 + result.v, n=2, axis=0)).max()) / DT**2
 
 
+@pytest.mark.slow
 def test_reference_that_stays_inside_is_left_alone() -> None:
     arm = spinner()
     bare, guarded = swing(controller(arm), 0.2), swing(ReferenceGuard(controller(arm)), 0.2)
@@ -70,6 +71,7 @@ def test_reference_that_stays_inside_is_left_alone() -> None:
     assert not guarded.reference_limited.any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("torque", [0.0, 30.0, -30.0])
 def test_reference_stays_within_the_ends_whatever_drives_it(torque: float) -> None:
     arm = spinner()  # the slide and the tilt go from -1.5 to 2, the spin has no end
@@ -87,6 +89,7 @@ def test_reference_stays_within_the_ends_whatever_drives_it(torque: float) -> No
         assert near.min() < 1e-2  # it does get there
 
 
+@pytest.mark.slow
 def test_arm_passes_an_end_by_its_tracking_error_at_most() -> None:
     arm = spinner()
     result = swing(ReferenceGuard(controller(arm), velocity=20.0), 2.5)
@@ -97,6 +100,7 @@ def test_arm_passes_an_end_by_its_tracking_error_at_most() -> None:
     assert np.abs(result.e1).max() < 1e-2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit", [0.5, 2.0])
 def test_speed_of_the_reference_stays_below_the_limit(limit: float) -> None:
     arm = manipulator()
@@ -109,6 +113,7 @@ def test_speed_of_the_reference_stays_below_the_limit(limit: float) -> None:
     assert held.any() == (limit == 0.5)
 
 
+@pytest.mark.slow
 def test_reference_comes_back_once_nothing_holds_it() -> None:
     arm = manipulator()
     guard = ReferenceGuard(controller(arm), margin=0.0, velocity=0.4, horizon=0.05)
@@ -127,6 +132,7 @@ def test_reference_comes_back_once_nothing_holds_it() -> None:
     assert_allclose(state.q_g, 0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_repulsion_is_smooth() -> None:
     arm = spinner()
     guard = ReferenceGuard(controller(arm), velocity=20.0, horizon=0.2)

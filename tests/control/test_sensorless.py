@@ -50,10 +50,12 @@ class Zeros:
         return np.zeros_like(tau_ext), None
 
 
+@pytest.mark.slow
 def test_with_zeros_for_tau_ext_the_arm_is_rigid(panda: rbi.ArmModel) -> None:
     assert np.abs(held(rigid(panda), panda, SIDEWAYS, sensor=Zeros())).max() < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["compliant", "observer"])
 def test_without_a_sensor_a_sideways_push_moves_the_arm_by_torque_over_stiffness(
     panda: rbi.ArmModel, kind: str
@@ -68,6 +70,7 @@ def test_without_a_sensor_a_sideways_push_moves_the_arm_by_torque_over_stiffness
     assert np.abs(moved).max() > 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reject", [0.0, 8.0])
 def test_unknown_payload_lets_the_spring_sag_by_its_weight_less_what_is_rejected(
     panda: rbi.ArmModel, reject: float
@@ -79,6 +82,7 @@ def test_unknown_payload_lets_the_spring_sag_by_its_weight_less_what_is_rejected
     np.testing.assert_allclose(moved, felt / STIFFNESS, atol=2e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["compliant", "observer"])
 def test_a_push_beyond_what_is_rejected_moves_the_arm_by_the_rest(
     panda: rbi.ArmModel, kind: str
@@ -132,6 +136,7 @@ def _coriolis_excess(arm: rbi.ArmModel, q: Array, v: Array) -> Array:
     return bare.bias(q, -v) - bare.bias(q, np.zeros(arm.nv))
 
 
+@pytest.mark.slow
 def test_free_motion_gives_no_energy_away_whatever_the_mass_model_says() -> None:
     """Storage ½vᵀMv + ½eᵀKe of the true arm falls, although the law's arm is half as heavy; gravity off."""
     plant = spinner().with_gravity([0.0, 0.0, 0.0]).with_friction(0.0, 0.0)

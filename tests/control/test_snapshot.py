@@ -209,6 +209,7 @@ def test_snapshot_of_another_arm_is_refused(tmp_path: Path) -> None:
         load_snapshot(path, heavier)
 
 
+@pytest.mark.slow
 def test_fingerprint_is_that_of_an_equal_controller_in_another_process() -> None:
     """It has no addresses of objects in it: two equal controllers have one."""
     for make in CONTROLLERS.values():

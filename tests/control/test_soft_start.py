@@ -64,6 +64,7 @@ WRAPPED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wrap", WRAPPED.values(), ids=WRAPPED)
 def test_torque_begins_at_gravity_and_keeps_the_rate(wrap: Any) -> None:
     """0.01 rad off the reference, which moves and accelerates: 49 N·m at once without a soft start."""
@@ -93,6 +94,7 @@ def test_baseline_without_limits_starts_at_gravity_too() -> None:
     assert_allclose(outputs[0].tau, gravity(PANDA, Q + 0.3), atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("off", [0.01, 0.5, -1.0])
 def test_reference_goes_from_the_arm_to_the_trajectory_within_the_bounds(off: float) -> None:
     """Position, velocity and acceleration are continuous: their differences are those of the next derivative."""
@@ -141,6 +143,7 @@ def test_after_a_long_pause_it_starts_anew(
     assert state.clock < state.length
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wrap", WRAPPED.values(), ids=WRAPPED)
 def test_reference_that_has_jumped_is_blended_to_and_the_torque_does_not_jump(wrap: Any) -> None:
     controller = wrap(law())

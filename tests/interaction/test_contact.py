@@ -120,6 +120,7 @@ def test_moving_wall_is_a_still_one_seen_from_a_moving_arm() -> None:
     assert moving.penetration(arm, t, [0.0, z]) == pytest.approx(start + speed * t - z)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [0.0, 0.1, 0.5])
 def test_mass_bounces_off_the_wall_as_the_closed_form_says(ratio: float) -> None:
     mass, stiffness, speed = 2.0, 1e4, 0.2

@@ -158,6 +158,7 @@ def touches(force: Array) -> int:
     return int(np.count_nonzero(np.diff((force > 0.0).astype(int), prepend=0) == 1))
 
 
+@pytest.mark.slow
 def test_contact_by_the_rule_is_that_of_the_target_alone() -> None:
     result, arm, wall, alone = press(1.0)
     force = contact_forces(result, arm, wall)
@@ -170,6 +171,7 @@ def test_contact_by_the_rule_is_that_of_the_target_alone() -> None:
     assert np.abs(energy.residual).max() < 0.01 * np.ptp(energy.environment)
 
 
+@pytest.mark.slow
 def test_readings_that_are_too_old_make_contact_bounce_without_end() -> None:
     mass, ticks = 0.2, 10
     assert mass < smallest_mass(1e4, ticks * 1e-3, 500.0, 0.3)

@@ -75,6 +75,7 @@ def test_torque_on_an_arm_that_is_held_comes_through_a_first_order_low_pass(name
         assert_allclose(told, (1.0 - np.exp(-gains * dt * k)) * torque, rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ARMS)
 def test_moving_arm_makes_no_torque_of_its_own_to_second_order(name: str) -> None:
     arm = ARMS[name]()
@@ -91,6 +92,7 @@ def test_moving_arm_makes_no_torque_of_its_own_to_second_order(name: str) -> Non
     assert np.polyfit(np.log(steps), np.log(errors), 1)[0] > 1.7
 
 
+@pytest.mark.slow
 def test_ramp_is_followed_late_by_the_delay() -> None:
     arm, dt, rate = manipulator(), 1e-3, np.linspace(2.0, -3.0, 6)
     result = swing(arm, arm, dt, JointTorque(lambda t: rate * t))
@@ -101,6 +103,7 @@ def test_ramp_is_followed_late_by_the_delay() -> None:
     assert np.abs(rate * observer.delay).max() > 0.03
 
 
+@pytest.mark.slow
 def test_super_twisting_estimate_is_the_disturbance_of_a_run_without_measured_torque() -> None:
     arm, dt = manipulator(), 1e-3
     result = swing(arm, arm, dt, JointTorque(np.linspace(-3.0, 4.0, 6)))
@@ -108,6 +111,7 @@ def test_super_twisting_estimate_is_the_disturbance_of_a_run_without_measured_to
     assert_allclose(estimate[result.t > 0.5], result.tau_ext[result.t > 0.5], atol=5e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ESTIMATORS)
 def test_payload_that_the_model_lacks_reads_as_a_weight_on_the_tool(name: str) -> None:
     arm, q_d = rbi.load_robot("two_link"), np.array([0.4, 0.3])
@@ -125,6 +129,7 @@ def test_payload_that_the_model_lacks_reads_as_a_weight_on_the_tool(name: str) -
     assert_allclose(told, weight, rtol=0.0, atol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("build", [quick_momentum, super_twisting])
 def test_what_the_model_lacks_is_told_as_contact_and_nothing_else(
     build: Callable[[rbi.ArmModel, float], Sensor[Any]],
@@ -143,6 +148,7 @@ def test_what_the_model_lacks_is_told_as_contact_and_nothing_else(
     assert np.sqrt(np.mean((believed - lack) ** 2)) < 0.1 * np.sqrt(np.mean(lack**2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ESTIMATORS)
 def test_estimator_finds_a_push_in_the_closed_loop(name: str) -> None:
     arm, dt = manipulator(), 1e-3
@@ -184,6 +190,7 @@ def test_estimate_does_not_look_at_the_truth_and_is_pure(
     assert np.abs(first).max() > 0.0
 
 
+@pytest.mark.slow
 def test_sense_tells_what_the_controller_was_told() -> None:
     arm, dt = manipulator(), 2e-3
     told: list[Array] = []

@@ -54,6 +54,7 @@ def _error(
     return error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [manipulator, ARMS["spinner"]])
 def test_constant_disturbance_is_found_to_second_order(make: Callable[[], rbi.ArmModel]) -> None:
     arm = make()
@@ -90,6 +91,7 @@ def _lag(reaching: rbi.SuperTwisting, dt: float, rate: Array) -> Array:
     return lag
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["implicit", "matched"])
 def test_sine_is_followed_with_the_lag_that_theory_gives(scheme: Scheme) -> None:
     arm, omega, dt = manipulator(), 3.0, 1e-3
@@ -105,6 +107,7 @@ def test_sine_is_followed_with_the_lag_that_theory_gives(scheme: Scheme) -> None
     assert_allclose(error, rate * lag, rtol=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["matched", "implicit"])
 def test_what_the_papers_controller_does_not_know_is_found(scheme: Scheme) -> None:
     arm, reaching, errors = rbi.load_robot("two_link"), rbi.SuperTwisting(60.0, 200.0, scheme), []
@@ -132,6 +135,7 @@ def test_what_the_papers_controller_does_not_know_is_found(scheme: Scheme) -> No
     assert (errors[1] / errors[0] < 0.52).all()  # first order, or better
 
 
+@pytest.mark.slow
 def test_payload_shows_as_its_weight() -> None:
     arm, q_d = rbi.load_robot("two_link"), np.array([0.4, 0.3])
     controller = rbi.baselines.PDGravity(arm, rbi.Impedance(1.0, 80.0, 200.0), 1e-3)
@@ -143,6 +147,7 @@ def test_payload_shows_as_its_weight() -> None:
     assert_allclose(w[-1], weight, rtol=0.0, atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ARMS)
 def test_exact_model_leaves_nothing_to_find(name: str) -> None:
     arm = ARMS[name]()

@@ -83,6 +83,7 @@ def certificate(laws: Laws) -> Certificate:
     return _certify(laws)
 
 
+@pytest.mark.slow
 def test_admissible_rate_is_the_limit_of_the_riccati_equation(rng: np.random.Generator) -> None:
     k1, k2 = _random_pairs(rng)
     limit = certify(k1, k2, k2, s0=1.0, disturbance0=0.0).d_max_admissible
@@ -95,6 +96,7 @@ def test_admissible_rate_is_the_inverse_of_the_resonance_peak(rng: np.random.Gen
     np.testing.assert_allclose(limit, 1.0 / reaching.peak_gain(k1, k2), rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_feasible_exactly_below_the_frequency_condition(rng: np.random.Generator) -> None:
     k1, k2 = _random_pairs(rng)
     limit = 1.0 / reaching.peak_gain(k1, k2)
@@ -111,6 +113,7 @@ def test_paper_condition_is_the_overdamped_case() -> None:
     np.testing.assert_allclose(certificate.d_max_admissible, 10.0, rtol=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.9, 1.0 - 1e-4])
 def test_matrix_inequality_holds_strictly(laws: Laws, share: float) -> None:
     loaded = laws._replace(d_max=share / reaching.peak_gain(laws.k1, laws.k2))
@@ -120,6 +123,7 @@ def test_matrix_inequality_holds_strictly(laws: Laws, share: float) -> None:
     assert np.linalg.eigvalsh(_inequality(loaded, certificate)).max() < 0.0
 
 
+@pytest.mark.slow
 def test_times_follow_from_the_certificate_alone(laws: Laws, certificate: Certificate) -> None:
     x0, P = _x0(laws), certificate.P
     energy = np.einsum("ij,ijk,ik->i", x0, P, x0)
@@ -140,6 +144,7 @@ def test_reaching_time_never_exceeds_the_printed_formula(
     assert np.all(certificate.reaching_time_paper <= printed * (1.0 + 1e-12))
 
 
+@pytest.mark.slow
 def test_printed_formula_is_at_its_best_riccati_solution(
     laws: Laws, certificate: Certificate
 ) -> None:
@@ -184,11 +189,13 @@ def test_integration_meets_the_exact_reaching_time(laws: Laws) -> None:
     np.testing.assert_allclose(measured.time, reaching.exact_reaching_time(at_zero), rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_reaching_time_bounds_the_exact_one(laws: Laws) -> None:
     at_zero = laws._replace(s0=np.zeros_like(laws.s0), d_max=np.zeros_like(laws.s0))
     assert np.all(reaching.exact_reaching_time(at_zero) <= _certify(at_zero).reaching_time)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["sine", "square", "random", "worst-sign"])
 def test_measured_reaching_stays_within_the_certificate(
     laws: Laws, certificate: Certificate, kind: str
@@ -200,6 +207,7 @@ def test_measured_reaching_stays_within_the_certificate(
     assert np.all(measured.s_peak <= certificate.s_bound * (1.0 + 1e-12))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["sine", "square", "random", "worst-sign"])
 def test_measured_settling_stays_within_the_certificate(laws: Laws, kind: str) -> None:
     rng = np.random.default_rng(33)
@@ -229,6 +237,7 @@ def test_measured_settling_stays_within_the_certificate(laws: Laws, kind: str) -
     assert np.all(measured.e1_peak <= certificate.e1_bound * (1.0 + 1e-12))
 
 
+@pytest.mark.slow
 def test_total_time_starts_sliding_from_the_largest_error(laws: Laws) -> None:
     surface = FastTerminalSurface(2.0, 3.0, 0.6)
     certificate = _certify(laws, surface, np.full(laws.k1.size, 0.3))
@@ -278,6 +287,7 @@ def test_start_at_rest_is_reached_at_once() -> None:
     assert certificate.s_bound[0] == 0.0
 
 
+@pytest.mark.slow
 def test_times_scale_as_the_homogeneous_law_does(laws: Laws, certificate: Certificate) -> None:
     grown = laws._replace(s0=9.0 * laws.s0, disturbance0=3.0 * laws.disturbance0)
     np.testing.assert_allclose(
@@ -289,6 +299,7 @@ def test_times_scale_as_the_homogeneous_law_does(laws: Laws, certificate: Certif
     )
 
 
+@pytest.mark.slow
 def test_two_signs_cover_every_smaller_start(rng: np.random.Generator) -> None:
     both = certify(8, 10, 5, s0=1.0, disturbance0=[2.0, -2.0]).reaching_time.max()
     inside = certify(

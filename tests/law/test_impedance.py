@@ -231,6 +231,7 @@ def _on_the_curve(alpha1: float, m: float, k: float) -> tuple[float, float, floa
     return float(mu), float(d), float(1.0 / ((1.0 - beta) * mu))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha1", [0.3, 0.5, 0.7, 0.9])
 def test_second_order_along_the_closed_form_until_it_settles(alpha1: float) -> None:
     m, k, beta = 1.3, 20.0, (1.0 + alpha1) / 2.0
@@ -247,6 +248,7 @@ def test_second_order_along_the_closed_form_until_it_settles(alpha1: float) -> N
     assert errors[-1] < 2e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("alpha1", "damping"), [(0.35, 10.0), (0.5, 10.0), (0.8, 1.0)])
 def test_order_across_reversals_is_that_of_the_kinks(
     alpha1: float, damping: float, rng: np.random.Generator
@@ -269,6 +271,7 @@ def test_order_across_reversals_is_that_of_the_kinks(
     assert np.polyfit(np.log(steps), np.log(total), 1)[0] > 1.0 + alpha1
 
 
+@pytest.mark.slow
 def test_target_never_gives_more_energy_than_it_was_given(rng: np.random.Generator) -> None:
     for _ in range(1000):
         m, d, k = 10.0 ** rng.uniform((-1, -2, -1), (1, 4, 4))
@@ -304,6 +307,7 @@ def test_target_lets_go_in_finite_time_where_the_linear_one_does_not() -> None:
     assert max(abs(positions[-1]), abs(velocities[-1])) < 1e-300
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha1", [0.4, 0.7])
 def test_settling_time_scales_as_homogeneity_demands(alpha1: float) -> None:
     target = rbi.FiniteTimeImpedance(1.0, 8.0, 20.0, alpha1).filter(1, 5e-4)
@@ -311,6 +315,7 @@ def test_settling_time_scales_as_homogeneity_demands(alpha1: float) -> None:
     assert far / near == pytest.approx(16.0 ** ((1.0 - alpha1) / 2.0), rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha1", [0.3, 0.5, 0.8, 1.0])
 def test_damping_ratio_one_is_the_limit_of_overshoot(alpha1: float) -> None:
     lowest = []
@@ -324,6 +329,7 @@ def test_damping_ratio_one_is_the_limit_of_overshoot(alpha1: float) -> None:
     assert lowest[2] > -1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("alpha1", [0.4, 0.5])
 def test_equilibrium_under_a_constant_torque_is_crept_to_polynomially(alpha1: float) -> None:
     k, tau, h = 20.0, 5.0, 1e-2
@@ -347,6 +353,7 @@ def test_matrices_are_refused_with_the_reason() -> None:
         rbi.FiniteTimeImpedance(1.0, 1.0, np.eye(2), 0.5)
 
 
+@pytest.mark.slow
 def test_controller_achieves_the_finite_time_target_on_an_unknown_arm() -> None:
     scenario = rbi.scenarios.paper(known="inertia", surface="fast-terminal", scheme="matched")
     proposed = scenario.controller

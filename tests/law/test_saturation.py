@@ -153,6 +153,7 @@ def test_other_schemes_hardly_overshoot_either(scheme: Scheme) -> None:
     assert np.abs(result.e1[result.t >= 1.0]).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_it_is_the_resting_integrator_that_does_it() -> None:
     assert _overshoot(_scenario(None).simulate()) == pytest.approx(0.011, abs=0.002)
     assert _overshoot(_scenario(LIMITS, law=WindingUp).simulate()) > 0.02
@@ -230,6 +231,7 @@ def _random_starts(count: int) -> list[tuple[Array, Array, Array]]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scheme", "slack"), [("matched", 0.0), ("explicit", K2 * 1e-3)])
 def test_integrator_stays_within_what_the_limits_let_it_realise(
     scheme: Scheme, slack: float
@@ -246,6 +248,7 @@ def test_integrator_stays_within_what_the_limits_let_it_realise(
     assert saturated > 500
 
 
+@pytest.mark.slow
 def test_no_integrator_leaves_the_range_that_the_disturbance_needs() -> None:
     """The range: what w takes along the motion, widened by the law's own swing without limits."""
 

@@ -145,6 +145,7 @@ def test_step_changes_nothing_that_it_was_given(scheme: Scheme, rng: np.random.G
 # --- worst-case precision -------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("h", "duration"), [(1e-2, 20.0), (1e-3, 8.0)])
 def test_implicit_scheme_has_the_best_precision_that_is_possible(h: float, duration: float) -> None:
     """s shows the mean of w one period late, when it may be off by L·h: no law stays below L·h²."""
@@ -170,6 +171,7 @@ def test_implicit_scheme_rests_at_zero_without_a_disturbance() -> None:
     assert_allclose(run.u[-100:], 0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["matched", "implicit"])
 def test_torque_does_not_chatter_where_forward_euler_does(scheme: Scheme) -> None:
     """w varies by L a second: that is what u has to do, and these schemes do no more."""
@@ -193,6 +195,7 @@ def test_matched_scheme_bears_gains_from_0_8_to_2_2() -> None:
     assert_allclose(variation, L / gains, rtol=0.02)
 
 
+@pytest.mark.slow
 def test_implicit_scheme_bears_gains_from_0_5_to_1_2_and_diverges_at_1_5() -> None:
     law = rbi.SuperTwisting(K1, K2, scheme="implicit")
     run = _loop(law, 1e-3, 12.0, _square, np.linspace(0.55, 1.2, 10))
@@ -201,6 +204,7 @@ def test_implicit_scheme_bears_gains_from_0_5_to_1_2_and_diverges_at_1_5() -> No
     assert np.abs(diverging.s).max() > 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("margin", [2.0, 4.0, 10.0])
 def test_margin_buys_gain_and_costs_precision(margin: float) -> None:
     gains = np.array([1.0, margin, 2.2 * margin + 8.0])

@@ -164,6 +164,7 @@ def test_undivided_acceleration_has_too_much_gain_by_a_third_at_ten_milliseconds
     assert -after[0] / (u[0] * 1e-2) == pytest.approx(1.34, abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["matched", "implicit"])
 @pytest.mark.parametrize("dt", [1e-2, 1e-3])
 def test_fast_surface_does_not_chatter_at_any_period(scheme: Scheme, dt: float) -> None:
@@ -181,6 +182,7 @@ class Undivided(rbi.FastTerminalSurface):
         return np.ones_like(e1)
 
 
+@pytest.mark.slow
 def test_it_is_the_hold_gain_that_spares_the_implicit_scheme_the_chatter() -> None:
     scenario = rbi.scenarios.paper(surface="fast-terminal", scheme="implicit", dt=1e-2)
     old = scenario.controller

@@ -34,6 +34,7 @@ def blocks(path: Path, language: str) -> list[str]:
 # --- recipes ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", [*RECIPES, DOCS / "start.md"], ids=lambda path: path.stem)
 def test_every_line_of_a_recipe_runs(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -64,6 +64,7 @@ def test_very_stiff_springs_and_fast_torque_give_the_loop_of_a_perfect_drive() -
     assert [stiff, fast] == pytest.approx([rigid, rigid], rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_elastic", [False, True])
 def test_runs_settle_and_chatter_where_linear_theory_says(is_elastic: bool) -> None:
     arm = pendulum().with_gravity(np.zeros(3)).with_armature(0.2)

@@ -68,6 +68,7 @@ def test_logic_stays_in_the_package(path: Path) -> None:
                 assert node.end_lineno - node.lineno < MOST_LINES_OF_A_FUNCTION
 
 
+@pytest.mark.slow
 @named
 def test_notebook_runs_without_a_display_and_its_claims_hold(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

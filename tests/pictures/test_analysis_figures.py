@@ -82,6 +82,7 @@ def test_spectrum_shows_a_tone_at_its_frequency_and_amplitude(result: Simulation
     assert amplitudes.max() == pytest.approx(3.0, rel=0.03)
 
 
+@pytest.mark.slow
 def test_phase_plane_draws_the_path_and_the_surface_it_ends_on(result: SimulationResult) -> None:
     surface = rbi.PowerSurface(gamma=3.0, exponent=5.0 / 3.0)
     (axes,) = plotting.phase_plane(result, surface, joint=1).axes
@@ -114,6 +115,7 @@ def test_energy_figure_shows_the_balance(result: SimulationResult) -> None:
     np.testing.assert_array_equal(curves(lower)[0], balance.motors)
 
 
+@pytest.mark.slow
 def test_every_axis_says_its_unit(result: SimulationResult, certificate: rbi.Certificate) -> None:
     surface = rbi.PowerSurface(gamma=3.0, exponent=5.0 / 3.0)
     balance = rbi.energy_balance(result, rbi.load_robot("two_link"))
@@ -129,6 +131,7 @@ def test_every_axis_says_its_unit(result: SimulationResult, certificate: rbi.Cer
         assert "[" in figure.axes[-1].get_xlabel()
 
 
+@pytest.mark.slow
 def test_notebooks_show_figures(result: SimulationResult) -> None:
     for figure in (plotting.torques(result), plotting.comparison({"one": result})):
         assert figure._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined]

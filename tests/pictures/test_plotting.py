@@ -102,6 +102,7 @@ def test_style_does_not_leak_into_the_users_figures(result: SimulationResult) ->
     assert dict(mpl.rcParams) == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["png", "pdf", "svg"])
 def test_ending_chooses_the_format(result: SimulationResult, tmp_path: Path, ending: str) -> None:
     path = plotting.save(plotting.torques(result), tmp_path / f"figure.{ending}")

@@ -86,6 +86,7 @@ def check_framing(browser: Browser, *times: float) -> None:
         assert not differs[:, [0, -1]].any()
 
 
+@pytest.mark.slow
 def test_live_page_shows_arm_ghost_and_force_and_follows_display(
     browser: Browser, arm: ArmModel
 ) -> None:
@@ -108,6 +109,7 @@ def test_live_page_shows_arm_ghost_and_force_and_follows_display(
         assert browser.errors == []
 
 
+@pytest.mark.slow
 def test_saved_file_shows_the_run_offline_and_scrubs(
     browser: Browser, arm: ArmModel, tmp_path: Path
 ) -> None:
@@ -135,6 +137,7 @@ def run_page(browser: Browser, tmp_path: Path) -> Browser:
     return browser
 
 
+@pytest.mark.slow
 def test_run_plays_by_itself_and_the_button_pauses_it(run_page: Browser) -> None:
     run_page.wait_for("player.time > 0.05")
     run_page.run("document.getElementById('play').click()")
@@ -145,6 +148,7 @@ def test_run_plays_by_itself_and_the_button_pauses_it(run_page: Browser) -> None
     run_page.wait_for(f"player.time !== {stopped}")
 
 
+@pytest.mark.slow
 def test_speed_slows_the_run_down(run_page: Browser) -> None:
     run_page.run("player.pause()")
     run_page.run(
@@ -160,6 +164,7 @@ def test_speed_slows_the_run_down(run_page: Browser) -> None:
     assert 0.0 < covered <= 0.1
 
 
+@pytest.mark.slow
 def test_playing_again_before_the_next_frame_does_not_double_the_speed(run_page: Browser) -> None:
     run_page.run("player.pause()")
     covered = run_page.run(
@@ -172,6 +177,7 @@ def test_playing_again_before_the_next_frame_does_not_double_the_speed(run_page:
     assert 0.0 < covered <= 1.0
 
 
+@pytest.mark.slow
 def test_arrow_of_a_force_that_grows_while_running_stays_in_proportion(browser: Browser) -> None:
     with view("two_link", environment=np.zeros(6)) as viewer:
         browser.show(viewer.url)
@@ -183,6 +189,7 @@ def test_arrow_of_a_force_that_grows_while_running_stays_in_proportion(browser: 
             assert 0.0 < height < browser.run("player.scene.arrows.force.size")
 
 
+@pytest.mark.slow
 def test_page_survives_a_closed_tab_and_a_new_kind_of_scene(browser: Browser) -> None:
     arm = load_robot("two_link")
     with view(arm) as viewer:
@@ -200,6 +207,7 @@ def test_page_survives_a_closed_tab_and_a_new_kind_of_scene(browser: Browser) ->
         assert browser.errors == []
 
 
+@pytest.mark.slow
 def test_notebook_frame_shows_the_arm(browser: Browser, tmp_path: Path) -> None:
     viewer: Viewer = view("two_link", environment=[*FORCE, 0, 0, 0])
     page = tmp_path / "notebook.html"

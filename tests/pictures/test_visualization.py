@@ -68,6 +68,7 @@ def test_every_visual_of_the_urdf_is_drawn_where_the_arm_carries_it(two_link: Ar
     np.testing.assert_allclose(poses[4, :3], (elbow + tool) / 2.0 + beside, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_locked_fingers_stay_where_they_were_locked() -> None:
     fingers = ("panda_finger_joint1", "panda_finger_joint2")
     free = load_robot("panda")
@@ -98,6 +99,7 @@ def test_arm_without_shapes_is_drawn_from_joint_to_joint(arm: ArmModel) -> None:
             assert (corners.max(axis=0) > origin).all()
 
 
+@pytest.mark.slow
 def test_payload_changes_nothing_in_the_picture(panda: ArmModel) -> None:
     loaded = pickle.loads(pickle.dumps(panda.with_payload(2.0)))
     assert loaded.description == panda.description
@@ -182,6 +184,7 @@ def test_thinned_mesh_keeps_its_shape(tmp_path: Path) -> None:
 # --- files ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_panda_file_is_below_a_megabyte_and_holds_its_visuals_only(
     panda: ArmModel, tmp_path: Path
 ) -> None:
@@ -192,6 +195,7 @@ def test_panda_file_is_below_a_megabyte_and_holds_its_visuals_only(
     assert header["frames"] is None
 
 
+@pytest.mark.slow
 def test_mesh_that_occurs_twice_is_stored_once() -> None:
     header, _ = scene_of(view("panda").html())
     fingers = [node for node in header["nodes"] if "like" in node]
@@ -240,6 +244,7 @@ def test_frames_are_the_runs_poses_at_their_times(two_link: ArmModel) -> None:
         np.testing.assert_allclose(ghosts[k], drawing.poses(result.q_r[5 * k]), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_force_on_the_tool_is_found_from_the_logged_torque(panda: ArmModel) -> None:
     force = np.array([5.0, -3.0, 8.0])
     result = swung(panda, force=force)
@@ -259,6 +264,7 @@ def test_moment_on_the_tool_is_found_from_the_logged_torque(panda: ArmModel) -> 
     np.testing.assert_allclose(found[0, 3:], wrench, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_wrenches_that_are_given_act_at_their_frames_and_walls_are_surfaces(
     panda: ArmModel,
 ) -> None:
@@ -280,6 +286,7 @@ def test_free_motion_has_no_arrow(two_link: ArmModel) -> None:
     assert header["now"]["wrenches"]["start"] == header["now"]["wrenches"]["end"]
 
 
+@pytest.mark.slow
 def test_long_run_is_thinned_out_in_time(two_link: ArmModel) -> None:
     result = swung(two_link, duration=60.0)
     header, _ = scene_of(result.animate(fps=100.0).html())
@@ -293,6 +300,7 @@ def test_run_of_a_single_sample_is_a_still_picture(two_link: ArmModel) -> None:
     assert header["frames"] is None
 
 
+@pytest.mark.slow
 def test_result_from_a_file_finds_its_robot_again(tmp_path: Path) -> None:
     arm = load_robot("panda", joints=["panda_joint2", "panda_joint4"], tool_frame="panda_link5")
     result = swung(arm.with_payload(1.0), force=np.array([0.0, 0.0, 5.0]))
@@ -444,6 +452,7 @@ def test_page_that_missed_news_while_it_was_loading_is_told_at_once(two_link: Ar
             assert json.loads(events.readline().removeprefix(b"data: ")) == {"reload": True}
 
 
+@pytest.mark.slow
 def test_display_does_not_wait_for_a_browser_that_does_not_read(panda: ArmModel) -> None:
     step = np.full(panda.nv, 0.01)
     with view(panda) as viewer:

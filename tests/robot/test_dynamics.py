@@ -441,6 +441,7 @@ def test_changed_copy_keeps_name_tool_and_notes(
 # --- ownership -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_arm_shares_nothing_with_the_models_around_it(rng: np.random.Generator) -> None:
     source = pin.buildSampleModelManipulator()
     arm = rbi.ArmModel(source, name="x", tool_frame="effector_body")

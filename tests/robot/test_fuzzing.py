@@ -6,9 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.mark.slow
 def test_spoiled_robots_are_refused_or_sound(tmp_path: Path) -> None:
     options = ("--seconds", "0", "--seed", "7", "--save", str(tmp_path), "--corpus", str(tmp_path))
     run = subprocess.run(

@@ -49,6 +49,7 @@ def test_corpus_is_large() -> None:
     assert len(CASES) >= 150
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_outcome_is_the_one_written_down(case: Case, verdicts: dict[str, Verdict]) -> None:
     verdict = verdicts[case.name]

@@ -38,6 +38,7 @@ def test_ready_is_a_tenth_of_the_range_away_from_every_limit(name: str) -> None:
     arm.check_configuration("ready", arm.ready)
 
 
+@pytest.mark.slow
 def test_ready_of_the_panda_is_the_one_of_its_description() -> None:
     arm = rbi.load_robot("panda", lock=FINGERS)
     assert_allclose(arm.ready, load("panda").q0[:7], atol=1e-12)

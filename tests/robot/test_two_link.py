@@ -78,6 +78,7 @@ def test_closed_loop_follows_the_closed_form_loop(model: Knowledge) -> None:
     assert_allclose(result.tau_ext, truth.tau_ext, rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["inertia", "full"])
 def test_halving_the_step_halves_the_distance_to_the_fine_solution(model: Knowledge) -> None:
     fine_step, steps = 2e-5, np.array([4e-3, 2e-3, 1e-3])

@@ -128,6 +128,7 @@ def test_colour_that_does_not_parse_does_not_refuse_the_arm() -> None:
     assert rbi.load_robot(spinner_urdf(colour)).notes == rbi.load_robot(spinner_urdf()).notes
 
 
+@pytest.mark.slow
 def test_loading_a_robot_does_not_load_what_draws_it() -> None:
     code = (
         "import sys, rbimpedance as rbi; rbi.load_robot('panda'); print('yourdfpy' in sys.modules)"

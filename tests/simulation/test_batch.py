@@ -64,6 +64,7 @@ def listed(given: list[dict[str, Any]]) -> dict[str, Any]:
     return {name: [world[name] for world in given] for name in given[0]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", ["semi-implicit", "rk4"])
 @pytest.mark.parametrize("threads", [1, 2])
 def test_batch_is_simulate_world_by_world(
@@ -166,6 +167,7 @@ def test_worlds_without_a_compiled_form_run_beside_the_others(
     assert said.text.count("left to Python") == 1
 
 
+@pytest.mark.slow
 def test_other_threads_run_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
     """While one call of a kernel simulates for long, this thread never waits for long."""
     from rbimpedance.simulation.compiled import world  # noqa: PLC0415 (needs Numba)

@@ -65,6 +65,7 @@ def test_undamped_spring_swings_as_two_masses_do() -> None:
     assert turn == pytest.approx(h * omega, rel=(h * omega) ** 2 / 20.0)
 
 
+@pytest.mark.slow
 def test_damped_spring_decays_as_two_masses_do() -> None:
     rate = D / 2.0 * (1.0 / M + 1.0 / B)
     omega = np.sqrt(K * (1.0 / M + 1.0 / B) - rate**2)
@@ -97,6 +98,7 @@ def energy(plant: DrivenPlant, state: DrivenState) -> float:
     return float(links + pin.computePotentialEnergy(model, data, q) + rotors + springs)
 
 
+@pytest.mark.slow
 def test_energy_of_an_undamped_arm_stays_within_first_order_of_the_step() -> None:
     arm = manipulator().with_friction(0.0, 0.0)
     worst = []
@@ -111,6 +113,7 @@ def test_energy_of_an_undamped_arm_stays_within_first_order_of_the_step() -> Non
     assert worst[0] / worst[1] == pytest.approx(2.0, rel=0.2)
 
 
+@pytest.mark.slow
 def test_stiff_springs_make_the_rigid_arm_with_armature() -> None:
     arm, h, n, tau = pendulum().with_armature(B), 4e-5, 2000, np.array([4.0])
     rigid = RigidPlant(arm)
@@ -173,6 +176,7 @@ def test_ripple_is_a_wave_in_the_angle_of_the_rotor(angle: float) -> None:
     np.testing.assert_allclose(a, torque / (M + B), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_cogging_takes_no_energy() -> None:
     h, n = 2e-4, 6_000
     plant = DrivenPlant(floating(), cogging=0.3, ripple_periods=10)
@@ -203,6 +207,7 @@ def simulated(plant: rbi.ArmModel | Plant[Any], **more: Any) -> rbi.SimulationRe
     return rbi.simulate(law(spinner()), plant, trajectory, duration=0.3, **more)
 
 
+@pytest.mark.slow
 def test_perfect_drive_is_the_plant_of_its_links() -> None:
     links = RigidPlant(spinner(), friction_at_end=True)
     for plant in (DrivenPlant(spinner()), DrivenPlant(links)):
@@ -256,6 +261,7 @@ class Killed(BaseException):
     """What ends a run in the middle."""
 
 
+@pytest.mark.slow
 def test_killed_run_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
     def stop(done: int, total: int) -> None:
         del total

@@ -32,6 +32,7 @@ def run(
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ARMS)
 def test_balance_closes_to_second_order_in_the_period(name: str) -> None:
     arm = ARMS[name]()
@@ -45,12 +46,14 @@ def test_balance_closes_to_second_order_in_the_period(name: str) -> None:
     assert np.polyfit(np.log(steps), np.log(lost), 1)[0] > 1.7
 
 
+@pytest.mark.slow
 def test_balance_closes_for_semi_implicit_euler_too() -> None:
     arm = manipulator()
     energy = energy_balance(run(arm, 1e-3, "semi-implicit", 4), arm)
     assert np.abs(energy.residual).max() < 5e-3 * np.ptp(energy.environment)
 
 
+@pytest.mark.slow
 def test_pendulum_trades_height_for_speed() -> None:
     arm = pendulum()
     rest = rbi.baselines.PDGravity(
@@ -67,6 +70,7 @@ def test_pendulum_trades_height_for_speed() -> None:
     assert_allclose(energy.kinetic + energy.potential, 0.0, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_work_of_a_constant_force_is_force_times_way() -> None:
     arm = manipulator()
     force = np.array([4.0, -2.0, 6.0, 0.0, 0.0, 0.0])
@@ -85,6 +89,7 @@ def test_work_of_a_constant_force_is_force_times_way() -> None:
     assert_allclose(energy_balance(result, arm).environment, work, atol=1e-5 * work[-1])
 
 
+@pytest.mark.slow
 def test_friction_and_a_damped_wall_only_take() -> None:
     arm, q0 = manipulator(), np.full(6, 0.5)
     place = arm.frame_placement(q0)[1]

@@ -57,6 +57,7 @@ def energy(arm: rbi.ArmModel, run: rbi.SimulationResult) -> Array:
     return np.asarray(0.25 * v**2 + 9.81 * (1.0 - np.cos(q)) + spring)
 
 
+@pytest.mark.slow
 def test_joint_bounces_on_its_stops_and_never_gains_energy() -> None:
     arm = swinging()
     run = rbi.simulate(
@@ -72,6 +73,7 @@ def test_joint_bounces_on_its_stops_and_never_gains_energy() -> None:
     assert not free.tau_stop.any()
 
 
+@pytest.mark.slow
 def test_impact_goes_as_deep_as_a_damped_spring_says() -> None:
     """A mass that meets a spring at speed v goes v/ω·exp(-ζ/√(1-ζ²)·arccos ζ) deep."""
     arm = swinging()
@@ -85,6 +87,7 @@ def test_impact_goes_as_deep_as_a_damped_spring_says() -> None:
     assert run.v[-1, 0] > -0.5
 
 
+@pytest.mark.slow
 def test_stop_holds_against_a_motor() -> None:
     arm = swinging()
     run = rbi.simulate(
@@ -107,6 +110,7 @@ def test_stops_push_back_and_never_pull() -> None:
         assert (torque[x < lower] >= 0.0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", ["semi-implicit", "rk4"])
 @pytest.mark.parametrize("substeps", [1, 4])
 @pytest.mark.parametrize("name", ["panda", "ur5", "kinova"])
@@ -128,6 +132,7 @@ def test_every_joint_thrown_at_its_stop_comes_to_rest_inside(
     assert np.abs(run.tau_stop).max() > 0.0
 
 
+@pytest.mark.slow
 def test_stops_are_no_environment() -> None:
     """The controller is not told, tau_ext is without them, and the energy balance has them apart."""
     arm = swinging()

@@ -81,6 +81,7 @@ def test_engines_agree_on_an_arm_as_loaded(name: str) -> None:
     assert rbi.MujocoPlant(arm).replaced == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["panda", "kinova"])
 def test_engines_agree_for_a_second_of_free_motion(name: str) -> None:
     assert rbi.simulation.plants.engine_agreement(load(name), states=1, duration=1.0).motion <= 1e-6
@@ -235,6 +236,7 @@ def test_position_limit_holds_a_joint_unless_limits_are_left_out() -> None:
     np.testing.assert_allclose(free.position, -9.81 / 2.0 * H**2 * 4000 * 4001, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_resting_tool_is_pushed_by_the_weight_of_the_arm() -> None:
     plant = rbi.MujocoPlant(
         slider(weightless=False), limits=False, scene=FLOOR.format(z=-0.5), tool_radius=0.05
@@ -255,6 +257,7 @@ def test_only_contacts_are_part_of_the_external_torque() -> None:
     assert at_its_end.external_torque(state, NOTHING, 0.0).tolist() == [0.0]
 
 
+@pytest.mark.slow
 def test_environment_and_contact_add_up() -> None:
     plant = rbi.MujocoPlant(slider(weightless=False), scene=FLOOR.format(z=-0.15), tool_radius=0.05)
     push, state = rbi.JointTorque([7.0]), moved(plant, 400)
@@ -347,6 +350,7 @@ def two_link_run(kill_at: int | None = None, **more: Any) -> rbi.SimulationResul
     )
 
 
+@pytest.mark.slow
 def test_killed_run_goes_on_from_its_checkpoint_to_the_same_bytes(tmp_path: Path) -> None:
     path, times = tmp_path / "run", iter(np.arange(1000.0))
     kept = rbi.Checkpoint(path, every=1.0, clock=lambda: float(next(times)))
@@ -358,6 +362,7 @@ def test_killed_run_goes_on_from_its_checkpoint_to_the_same_bytes(tmp_path: Path
         assert getattr(resumed, channel).tobytes() == getattr(whole, channel).tobytes()
 
 
+@pytest.mark.slow
 def test_controller_does_the_same_on_both_engines() -> None:
     arm = load("two_link").with_payload(0.3)
     ours, theirs = two_link_run(plant=arm), two_link_run(plant=rbi.MujocoPlant(arm))
@@ -365,6 +370,7 @@ def test_controller_does_the_same_on_both_engines() -> None:
         np.testing.assert_allclose(theirs.metrics()[name], figure, rtol=1e-3, err_msg=name)
 
 
+@pytest.mark.slow
 def test_result_says_which_engine_moved_the_arm() -> None:
     arm = load("two_link")
     for plant in (rbi.MujocoPlant(arm), rbi.DrivenPlant(rbi.MujocoPlant(arm))):

@@ -107,6 +107,7 @@ def whole(form: str, tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return simulated(**FORMS[form]).save(folder / "result").read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tick", [1, 180, TICKS])
 def test_resumed_run_has_the_bytes_of_one_that_was_left_alone(
     tick: int, form: str, whole: bytes, tmp_path: Path
@@ -116,6 +117,7 @@ def test_resumed_run_has_the_bytes_of_one_that_was_left_alone(
     assert result.save(tmp_path / "result").read_bytes() == whole
 
 
+@pytest.mark.slow
 def test_run_can_be_killed_again_and_again(form: str, whole: bytes, tmp_path: Path) -> None:
     path = killed(tmp_path, 70, every=1.0, **FORMS[form])
     for tick in (140, 200, 290):
@@ -126,6 +128,7 @@ def test_run_can_be_killed_again_and_again(form: str, whole: bytes, tmp_path: Pa
     assert result.save(tmp_path / "result").read_bytes() == whole
 
 
+@pytest.mark.slow
 def test_resumed_run_does_not_repeat_what_is_kept(form: str, tmp_path: Path) -> None:
     """No more than the block, or the ticks, since the last checkpoint."""
     ticks: list[int] = []
@@ -136,11 +139,13 @@ def test_resumed_run_does_not_repeat_what_is_kept(form: str, tmp_path: Path) -> 
     assert again[-1] == TICKS
 
 
+@pytest.mark.slow
 def test_checkpoint_changes_nothing_in_a_run(form: str, whole: bytes, tmp_path: Path) -> None:
     result = simulated(Checkpoint(tmp_path / "c", every=1e-9), **FORMS[form])
     assert result.save(tmp_path / "result").read_bytes() == whole
 
 
+@pytest.mark.slow
 def test_run_begins_anew_unless_it_is_told_to_go_on(
     form: str, whole: bytes, tmp_path: Path
 ) -> None:
@@ -175,6 +180,7 @@ def test_rows_that_are_damaged_or_missing_are_refused(tmp_path: Path) -> None:
         simulated(Checkpoint(path, "a", resume=True), guarded=True)
 
 
+@pytest.mark.slow
 def test_rows_written_after_the_last_state_are_written_anew(
     form: str, whole: bytes, tmp_path: Path
 ) -> None:
@@ -197,6 +203,7 @@ def test_result_files_hold_no_time_of_day(tmp_path: Path, monkeypatch: pytest.Mo
         assert {item.date_time for item in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
 
 
+@pytest.mark.slow
 def test_filter_and_integrator_do_not_drift() -> None:
     """Ten minutes of a motion of 6 s: looked at once a minute, everything is where it was. A day of it is measured by
     benchmarks/control/reliability."""
@@ -228,6 +235,7 @@ GAINS = ("--k1", "15", "--k2", "40")
 ARGUMENTS = ("run", "two_link", *GAINS, "--duration", "3", "--substeps", "1", "--quiet")
 
 
+@pytest.mark.slow
 def test_command_that_is_killed_goes_on_to_the_same_bytes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -243,6 +251,7 @@ def test_command_that_is_killed_goes_on_to_the_same_bytes(
     assert not {name for name in names if "checkpoint" in name or name.endswith(".part")}
 
 
+@pytest.mark.slow
 def test_resume_with_other_options_is_refused_with_the_reason(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -72,6 +72,7 @@ def said(caplog: pytest.LogCaptureFixture) -> pytest.LogCaptureFixture:
 # --- the same run --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["pinocchio", "compiled"])
 @pytest.mark.parametrize("name", ["two_link", "panda", "ur5", "kinova"])
 def test_fast_run_is_the_readable_run(
@@ -118,6 +119,7 @@ def environment(name: str, arm: rbi.ArmModel) -> Any:
     return rbi.Wall(point, [1.0, 1.0, 1.0], 900.0, 20.0, displacement=moves)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("backend", "integrator"),
     [("pinocchio", "semi-implicit"), ("compiled", "semi-implicit"), ("compiled", "rk4")],
@@ -339,6 +341,7 @@ def test_mimic_arms_run_in_python_and_that_is_said(said: pytest.LogCaptureFixtur
     assert "left to Python" in said.text
 
 
+@pytest.mark.slow
 def test_the_specification_runs_without_compiled_code() -> None:
     code = (
         "import sys, rbimpedance as rbi\n"
@@ -356,6 +359,7 @@ def test_the_specification_runs_without_compiled_code() -> None:
     assert not run.stderr
 
 
+@pytest.mark.slow
 def test_default_run_does_not_compile_the_rollout() -> None:
     code = (
         "import sys, rbimpedance as rbi\n"

@@ -73,6 +73,7 @@ def push(t: float) -> Array:
     return np.array([8.0 + 2.0 * np.sin(3.0 * t), 4.0 * np.cos(2.0 * t), 0.5 * np.sin(t)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("integrator", "order", "substeps"),
     [("semi-implicit", 1.0, [64, 128, 256, 512]), ("rk4", 4.0, [8, 16, 32, 64])],
@@ -123,6 +124,7 @@ def test_energy_of_a_free_arm_drifts_with_the_fourth_power_under_rk4() -> None:
     assert drifts[-1] < 1e-6
 
 
+@pytest.mark.slow
 def test_energy_of_a_pendulum_is_bounded_of_first_order_under_semi_implicit_euler() -> None:
     """The method is symplectic where M is constant: its error swings with the motion and does not grow."""
     pendulum, swings = arms.pendulum(), []

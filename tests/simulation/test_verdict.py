@@ -133,6 +133,7 @@ def test_run_inside_its_bounds_is_kept(panda: rbi.ArmModel) -> None:
     assert not result.verdict().lost, str(result.verdict())
 
 
+@pytest.mark.slow
 def test_arm_that_gains_cannot_hold_is_lost(panda: rbi.ArmModel) -> None:
     """Thirty kilograms of which nobody told the controller."""
     weak = controller(panda, 1.0, 1.0)

@@ -15,6 +15,8 @@ from rbimpedance.study.standard.arms import AMPLITUDE, ARMS, DELAY, PERIOD
 from rbimpedance.study.standard.controllers import CONTROLLERS, first_order_gains
 from rbimpedance.study.standard.disturbances import DISTURBANCES, Chirp
 
+pytestmark = pytest.mark.slow  # all of them run the study's controllers
+
 ROBOT = "z1"
 
 

@@ -67,6 +67,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Rows:
 # --- the same table, however it is computed ---------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_every_run_is_a_row_in_the_order_of_the_study(small: Rows) -> None:
     assert identities(small) == [
         (robot, disturbance, sample, controller)
@@ -78,6 +79,7 @@ def test_every_run_is_a_row_in_the_order_of_the_study(small: Rows) -> None:
     assert {row["status"] for row in small} == {"done"}
 
 
+@pytest.mark.slow
 def test_two_workers_of_which_one_dies_give_the_rows_of_one_process(tmp_path: Path) -> None:
     """The only test that starts processes for Dask."""
     pytest.importorskip("distributed", reason="needs the extra 'study'")
@@ -90,6 +92,7 @@ def test_two_workers_of_which_one_dies_give_the_rows_of_one_process(tmp_path: Pa
     assert table.read_bytes() == other.read_bytes()
 
 
+@pytest.mark.slow
 def test_study_whose_process_is_killed_goes_on_to_the_same_rows(
     tmp_path: Path, small: Rows
 ) -> None:
@@ -163,6 +166,7 @@ class OneProcess:
         assert len(futures) == 4
 
 
+@pytest.mark.slow
 def test_chunk_that_kills_its_workers_becomes_rows_and_is_tried_again_at_the_next_start(
     tmp_path: Path, small: Rows, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -317,6 +321,7 @@ def test_errors_are_those_of_the_true_motion_where_the_controller_sees_another(
 # --- the summary ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_interval_covers_the_true_ratio_as_often_as_it_says_though_samples_of_a_cell_are_alike() -> (
     None
 ):
@@ -370,6 +375,7 @@ def test_summary_counts_every_run_and_takes_ratios_of_pairs_that_both_ended() ->
     assert worst == [("d0", 1), ("d1", -1)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("draw", _study_figures.FIGURES.values(), ids=_study_figures.FIGURES)
 @pytest.mark.parametrize("statuses", [("done", "done"), ("done", "diverged"), ("failed", "failed")])
 def test_figures_show_what_there_is(
@@ -400,6 +406,7 @@ STUDY = replace(studies.SMALL.part(robots=("one",)), controllers={"spring": stud
 """
 
 
+@pytest.mark.slow
 def test_study_stopped_by_hand_says_how_to_go_on_and_then_does(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -459,6 +466,7 @@ def test_study_of_a_module_is_found_by_its_name() -> None:
     assert find_study("tests.studies:SMALL") is SMALL
 
 
+@pytest.mark.slow
 def test_command_line_loads_neither_dask_nor_pyarrow() -> None:
     code = "import sys, rbimpedance.cli.app; print({'dask', 'distributed', 'pyarrow'} & set(sys.modules))"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

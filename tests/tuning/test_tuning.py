@@ -83,6 +83,7 @@ def test_gain_limit_of_a_prompt_loop_has_a_closed_form(margin: float) -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0, 1, 2])
 @pytest.mark.parametrize("slope", [0.0, 30.0])
 def test_scheme_settles_just_below_its_gain_limit_and_not_just_above(
@@ -204,6 +205,7 @@ class HeldTorque:
 # --- proposals ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_accepted_gains_hold_on_plants_that_they_have_not_seen(accepted: GainProposal) -> None:
     assert accepted.feasible
     unseen = UNKNOWN.sample(accepted.nominal, 8, seed=99)
@@ -247,12 +249,14 @@ def test_controller_carries_a_payload_inside_the_range(accepted: GainProposal) -
     assert between[0] < accepted.arm.mass_matrix(q)[0, 0] < between[1]
 
 
+@pytest.mark.slow
 def test_same_seed_proposes_the_same(accepted: GainProposal, two_link: rbi.ArmModel) -> None:
     again = propose(two_link, UNKNOWN)
     np.testing.assert_array_equal(again.k2, accepted.k2)
     np.testing.assert_array_equal(again.worst[0].result.tau, accepted.worst[0].result.tau)
 
 
+@pytest.mark.slow
 def test_gains_for_an_arm_that_is_pushed_hold_while_it_is_pushed(two_link: rbi.ArmModel) -> None:
     """A push of 8 N·m at 1.5 Hz moves the reference of M_d = 1 with up to 8 rad/s² at up to 0.8 rad/s."""
     spread = MotionMargin(position=0.1, velocity=0.8, acceleration=8.0)
@@ -279,6 +283,7 @@ def test_spread_that_cannot_be_is_refused() -> None:
         MotionMargin(velocity=0.0)
 
 
+@pytest.mark.slow
 def test_refusal_names_the_joint_and_the_reason(refused: GainProposal) -> None:
     assert not refused.feasible
     assert refused.joint in refused.nominal.joint_names
@@ -286,6 +291,7 @@ def test_refusal_names_the_joint_and_the_reason(refused: GainProposal) -> None:
     assert refused.reason in refused.explain()
 
 
+@pytest.mark.slow
 def test_where_no_change_is_enough_alone_several_are_tried_together(refused: GainProposal) -> None:
     assert [str(remedy) for remedy in refused.remedies if remedy.startswith("together: ")]
     assert any("shorter period" in words for words in refused.tried.failed)
@@ -313,6 +319,7 @@ INFEASIBLE: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case",
     [
@@ -334,6 +341,7 @@ def test_every_remedy_that_is_told_is_feasible_when_it_is_followed(
         assert remedy in proposal.explain()
 
 
+@pytest.mark.slow
 def test_a_run_that_ends_before_the_arm_has_arrived_is_told_to_last_longer(
     two_link: rbi.ArmModel,
 ) -> None:
@@ -369,6 +377,7 @@ def test_no_yes_fails_beyond_what_can_be_carried(
         assert proposal.joint in two_link.joint_names
 
 
+@pytest.mark.slow
 def test_gains_shrink_as_noise_grows(two_link: rbi.ArmModel) -> None:
     gains = [
         designed(two_link, position_noise=1e-4 * noise, velocity_noise=1e-3 * noise, delay=1)
@@ -407,6 +416,7 @@ def designed(arm: rbi.ArmModel, **imperfect: Any) -> Design:
     return design(task, measure_task(task))
 
 
+@pytest.mark.slow
 def test_noisy_delayed_loop_stays_bounded(two_link: rbi.ArmModel) -> None:
     uncertainty = Uncertainty(payload=1.0, position_noise=1e-4, velocity_noise=1e-3, delay=2)
     proposal = propose(two_link, uncertainty)
@@ -530,6 +540,7 @@ def test_slowed_exertion_is_that_of_the_slowed_motion(two_link: rbi.ArmModel) ->
     np.testing.assert_allclose(fast.rate_needed, slow.rate_needed, rtol=3e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joint", [0, 1])
 def test_yes_at_the_very_limit_converges(two_link: rbi.ArmModel, needed: Array, joint: int) -> None:
     limits = np.full(2, np.inf)
@@ -540,6 +551,7 @@ def test_yes_at_the_very_limit_converges(two_link: rbi.ArmModel, needed: Array, 
         assert error_within(proposal, limits, sample) < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joint", [0, 1])
 def test_no_just_below_the_limit_is_right_and_names_the_joint_and_what_it_lacks(
     two_link: rbi.ArmModel, unhindered: GainProposal, needed: Array, joint: int
@@ -565,6 +577,7 @@ def error_within(proposal: GainProposal, limits: Any, sample: PlantSample) -> fl
     return max(float(np.abs(arm.difference(q, q_r)).max()) for q, q_r in last)
 
 
+@pytest.mark.slow
 def test_remedies_for_torque_limits_are_enough_and_little_less_is_not(
     two_link: rbi.ArmModel, weak_shoulder: GainProposal
 ) -> None:
@@ -591,6 +604,7 @@ def number_in(pattern: str, text: str) -> float:
     return float(found[1])
 
 
+@pytest.mark.slow
 def test_no_motion_is_slow_enough_for_a_joint_that_cannot_hold_the_arm(
     two_link: rbi.ArmModel,
 ) -> None:
@@ -599,6 +613,7 @@ def test_no_motion_is_slow_enough_for_a_joint_that_cannot_hold_the_arm(
     assert any("actuators" in way for way in proposal.remedies)
 
 
+@pytest.mark.slow
 def test_torque_that_may_not_change_fast_enough_is_refused(
     two_link: rbi.ArmModel, unhindered: GainProposal
 ) -> None:
@@ -609,6 +624,7 @@ def test_torque_that_may_not_change_fast_enough_is_refused(
     assert "N·m/s" in proposal.reason
 
 
+@pytest.mark.slow
 def test_pushes_ask_for_torque_too(two_link: rbi.ArmModel, needed: Array) -> None:
     pushed = MotionMargin(position=0.1, velocity=0.8, acceleration=8.0)
     proposal = propose_within(two_link, 1.2 * needed, spread=pushed)
@@ -679,6 +695,7 @@ def test_body_that_the_model_carries_comes_back_from_the_file(tmp_path: Path) ->
     np.testing.assert_array_equal(model.mass_matrix(q), proposal.arm.mass_matrix(q))
 
 
+@pytest.mark.slow
 def test_refused_gains_are_not_read(refused: GainProposal, tmp_path: Path) -> None:
     path = save_gains(refused, tmp_path / "gains.json")
     assert json.loads(path.read_text("utf-8"))["joint"] == refused.joint
@@ -700,6 +717,7 @@ def test_damaged_gains_file_is_refused(text: str, tmp_path: Path) -> None:
         load_gains(path)
 
 
+@pytest.mark.slow
 def test_tune_writes_gains_that_run_reads(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -717,6 +735,7 @@ def test_tune_writes_gains_that_run_reads(
     assert made_by["controller"]["reaching"]["k2"] == said["k2"]
 
 
+@pytest.mark.slow
 def test_tune_that_finds_no_gains_is_exit_code_1_with_the_reason(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -727,6 +746,7 @@ def test_tune_that_finds_no_gains_is_exit_code_1_with_the_reason(
     assert "tried and " in printed
 
 
+@pytest.mark.slow
 def test_tune_with_limits_prints_what_each_joint_lacks(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
