@@ -48,7 +48,10 @@ def law() -> tuple[rbi.FastTerminalSurface, rbi.SuperTwisting]:
 
 
 def runs() -> Iterator[tuple[str, rbi.SimulationResult]]:
-    """Section 4, published and corrected; each arm under load, with both backends."""
+    """Section 4, published and corrected; each arm under load, with both backends.
+
+    Arguments have the names of version 0.1, which later versions still take.
+    """
     yield "paper", rbi.scenarios.paper(duration=2.0).simulate()
     corrected = rbi.scenarios.paper(surface="fast-terminal", scheme="matched", duration=2.0)
     yield "paper, corrected", corrected.simulate()
@@ -67,11 +70,13 @@ def runs() -> Iterator[tuple[str, rbi.SimulationResult]]:
                 backend=backend,
             )
             wrench = rbi.FrameWrench([3.0, -2.0, 1.0, 0.1, 0.2, -0.3])
-            start: Any = {"q0": motion(0.0).q, "duration": 0.5}
-            yield (
-                f"{name}, {backend}",
-                rbi.simulate(made, plant, motion, environment=wrench, **start),
-            )
+            start: Any = {
+                "q0": motion(0.0).q,
+                "duration": 0.5,
+                "wrench": wrench,
+                "backend": backend,
+            }
+            yield f"{name}, {backend}", rbi.simulate(made, plant, motion, **start)
 
 
 def spring(task: Task) -> Any:
