@@ -403,7 +403,7 @@ def test_robots_of_a_name_are_those_whose_names_contain_it(
     [
         ("franka", "did you mean 'panda'"),
         ("franka_emika_panda", "did you mean 'panda'"),
-        ("Gen3", "did you mean 'kinova'"),
+        ("Gen3", "did you mean 'gen3_description' of robot_descriptions"),
         ("iiwa", "'iiwa14_description'"),
         ("yumi", "'yumi_description'"),
         ("UR5e", "did you mean 'ur5'"),

@@ -14,7 +14,7 @@ NICKNAMES = {
     "fr3": ("fr3_description", "panda"),
     "franka": ("panda", "fr3_description"),
     "gen2": ("gen2_description",),
-    "gen3": ("gen3_description", "kinova"),
+    "gen3": ("gen3_description",),
     "iiwa": ("iiwa14_description", "iiwa7_description"),
     "iiwa14": ("iiwa14_description",),
     "iiwa7": ("iiwa7_description",),
