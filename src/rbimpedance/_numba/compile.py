@@ -77,9 +77,10 @@ _KEPT_ALIVE: list[Any] = []
 
 
 class _PackageCache(FunctionCache):  # type: ignore[misc]
-    """Numba's cache on disk, keyed by all sources of compiled code; a damaged one is replaced.
+    """Numba's cache on disk, keyed by the sources of compiled code and all module addresses; a damaged one is replaced.
 
-    Numba itself looks only at the file that holds the kernel, and would miss a change in a helper's.
+    Numba itself looks only at the file that holds the kernel, and would miss a change in a helper's. Machine code from
+    before a module moved names classes by their old addresses, which ends the process.
     """
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
@@ -103,4 +104,6 @@ class _PackageCache(FunctionCache):  # type: ignore[misc]
 def _sources() -> str:
     package = Path(__file__).parents[1]
     files = sorted([*package.glob("_numba/**/*.py"), *package.glob("*/compiled/*.py")])
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+    places = sorted(str(file.relative_to(package)) for file in package.rglob("*.py"))
+    found = [*(file.read_bytes() for file in files), *map(str.encode, places)]
+    return hashlib.sha256(b"".join(found)).hexdigest()
