@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, positive_number
 from .._common.deprecation import renamed_arguments
@@ -16,9 +15,8 @@ from ..law.impedance import TargetFilter, TargetImpedance
 from ..robot.arm_model import ArmModel
 from ..robot.knowledge import Knowledge, as_knowledge
 from ..robot.pinocchio_dynamics import PinocchioDynamics
-from ..trajectories import Reference
 from .errors import Tracking, track
-from .protocol import checked_period
+from .protocol import ControllerBase, Measured, StateT, checked_period
 from .telemetry import ControllerOutput, Situation, flags
 
 
@@ -49,7 +47,7 @@ class BaselineTorque(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Baseline:
+class Baseline(ControllerBase[StateT, ControllerOutput]):
     """What every baseline has: arm, target, period, the impedance filter and the figure e_im."""
 
     arm: ArmModel
@@ -128,7 +126,7 @@ class Baseline:
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class MemorylessBaseline(Baseline, ABC):
+class MemorylessBaseline(Baseline[BaselineState]):
     """A control law that remembers nothing but the impedance filter; children give `_law`."""
 
     @property
@@ -144,54 +142,16 @@ class MemorylessBaseline(Baseline, ABC):
         """Return the state before the first tick: filter at rest."""
         return self._filter_at_rest()
 
-    def step(
-        self,
-        state: BaselineState,
-        q: ArrayLike,
-        v: ArrayLike,
-        reference: Reference,
-        tau_ext: ArrayLike,
-        period: float | None = None,
+    def _step(
+        self, state: BaselineState, given: Measured
     ) -> tuple[ControllerOutput, BaselineState]:
-        """Compute the torque of one tick; see `ImpedanceController.step`.
-
-        Args:
-            state: From `init` or from the tick before.
-            q: Measured configuration, shape (nq,).
-            v: Measured velocity, shape (nv,) [rad/s or m/s].
-            reference: Desired motion at this tick.
-            tau_ext: Measured torque of the environment on the robot, shape (nv,) [N·m or N].
-            period: Measured time since the tick before; dt if it is not given [s].
-
-        Returns:
-            The output, and the state for the next tick.
-
-        Raises:
-            DimensionError: Wrong shape or kind.
-            NonFiniteError: An input holds NaN or infinity.
-            InputError: A period that `elapsed` refuses.
-        """
-        if period is not None:
-            state = self.elapsed(state, period)
         q_e, v_e = state.q_e, state.v_e
-        tick = track(
-            self.arm, self._filter, q_e, v_e, q=q, v=v, reference=reference, tau_ext=tau_ext
-        )
+        tick = track(self.arm, self._filter, q_e, v_e, given)
         output = baseline_output(tick, self._law(tick), q_e, v_e)
         return output, self._filter_after(state, tick.tau_ext)
 
-    def elapsed(self, state: BaselineState, period: float) -> BaselineState:
-        """Return the state at a tick that comes a measured time after the one before; see `ImpedanceController`.
-
-        Args:
-            state: From the tick before.
-            period: Time since then [s]; see `ImpedanceController.elapsed`.
-
-        Raises:
-            InputError: A period that is refused there.
-        """
-        period = checked_period(period, self.dt)
-        return self._filter_elapsed(state, period)
+    def _elapsed(self, state: BaselineState, period: float) -> BaselineState:
+        return self._filter_elapsed(state, checked_period(period, self.dt))
 
     def handover(self, state: BaselineState, now: Situation) -> BaselineState:
         """Return the state with which the controller takes the arm over as it is now: q_r = q and v_r = v.

@@ -23,7 +23,7 @@ from ..trajectories import Reference
 from .backends import tick_form
 from .default_gains import default_impedance, default_law
 from .errors import check_measurements
-from .protocol import Backend, checked_period
+from .protocol import Backend, ControllerBase, Measured, checked_period
 from .realtime import RealtimeController
 from .telemetry import ControllerOutput as ControllerOutput  # noqa: PLC0414 (part of this module's interface)
 from .telemetry import ControllerState as ControllerState  # noqa: PLC0414 (part of this module's interface)
@@ -33,7 +33,7 @@ from .tick import ControlLaw, Step, TickForm, numpy_tick
 
 @brief_repr("arm", "dt", "backend", "impedance", "surface", "reaching", "limits")
 @dataclass(frozen=True, eq=False, init=False)
-class ImpedanceController:
+class ImpedanceController(ControllerBase[ControllerState, ControllerOutput]):
     """Super-twisting terminal sliding-mode impedance controller for n joints.
 
     The law (paper, eq. 8), with a = a_r + (feedforward + u)/zoh_gain and zoh_gain = 1 on the paper's surface:
@@ -84,7 +84,7 @@ class ImpedanceController:
     _filter: TargetFilter
     _law: ControlLaw
     _form: TickForm
-    _step: Step
+    _compute: Step
     _own: Any
 
     @renamed_arguments(knowledge="model")
@@ -130,10 +130,10 @@ class ImpedanceController:
         )
         form = tick_form(self.backend, law)  # "numpy", "pinocchio" or "compiled"
         step, own = form.step
-        set_fields(self, _law=law, _form=form, _step=step, _own=own)
+        set_fields(self, _law=law, _form=form, _compute=step, _own=own)
 
     def __getstate__(self) -> dict[str, Any]:
-        made_anew = "_law", "_form", "_step", "_own"
+        made_anew = "_law", "_form", "_compute", "_own"
         return {name: value for name, value in vars(self).items() if name not in made_anew}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -152,7 +152,7 @@ class ImpedanceController:
         """Return the state before the first tick: filter at rest, integral zero."""
         return self._form.init()
 
-    def step(
+    def step(  # noqa: D102 (the base's docstring; here without a detour, for its speed)
         self,
         state: ControllerState,
         q: ArrayLike,
@@ -161,33 +161,15 @@ class ImpedanceController:
         tau_ext: ArrayLike,
         period: float | None = None,
     ) -> tuple[ControllerOutput, ControllerState]:
-        """Compute the torque of one tick.
-
-        Args:
-            state: From `init` or from the tick before.
-            q: Measured configuration, shape (nq,).
-            v: Measured velocity, shape (nv,) [rad/s or m/s].
-            reference: Desired motion at this tick.
-            tau_ext: Measured torque of the environment on the robot, shape (nv,) [N·m or N].
-            period: Measured time since the tick before, see `elapsed`; dt if it is not given [s].
-
-        Returns:
-            The output, and the state for the next tick.
-
-        Raises:
-            DimensionError: Wrong shape or kind.
-            NonFiniteError: An input holds NaN or infinity.
-            InputError: A period that is not positive, or longer than `LONGEST_PERIOD` control periods.
-        """
         if period is not None:
             state = self.elapsed(state, period)
         answer: tuple[ControllerOutput, ControllerState] | None
         try:
-            answer = self._step(self._own, state, q, v, reference, tau_ext)
+            answer = self._compute(self._own, state, q, v, reference, tau_ext)
         except (TypeError, ValueError):  # not plain vectors
             answer = None
         if answer is None:
-            return self._checked_step(state, q, v, reference, tau_ext)
+            return self._step(state, Measured(q, v, reference, tau_ext))
         return answer
 
     def realtime(self, state: ControllerState | None = None) -> RealtimeController:
@@ -198,19 +180,7 @@ class ImpedanceController:
         """
         return RealtimeController(self, self._form, state)
 
-    def elapsed(self, state: ControllerState, period: float) -> ControllerState:
-        """Return the state at a tick that comes a measured time after the one before, instead of dt after it.
-
-        The filter repeats its step over the measured time, exact for constant tau_ext; the integral grows
-        in proportion. The law's own period stays dt, since the torque of this tick is expected to be held for dt.
-
-        Args:
-            state: From the tick before.
-            period: Time since then, more than 0 and at most `LONGEST_PERIOD`·dt [s].
-
-        Raises:
-            InputError: Not such a number.
-        """
+    def _elapsed(self, state: ControllerState, period: float) -> ControllerState:
         period = checked_period(period, self.dt)
         if state.ticks == 0 or period == self.dt:
             return state
@@ -299,20 +269,15 @@ class ImpedanceController:
         e1, e2, e3 = output.e1, output.e2, output.a_r - a
         return self._filter.error(e1, e2, e3, output.q_e, output.v_e)
 
-    def _checked_step(
-        self,
-        state: ControllerState,
-        q: ArrayLike,
-        v: ArrayLike,
-        reference: Reference,
-        tau_ext: ArrayLike,
+    def _step(
+        self, state: ControllerState, given: Measured
     ) -> tuple[ControllerOutput, ControllerState]:
         """The tick for inputs that its form has refused: an error, or another try with plain vectors."""
-        given = check_measurements(self.arm, q, v, reference, tau_ext)
+        checked = check_measurements(self.arm, given)
         answer: tuple[ControllerOutput, ControllerState] | None = None
         with contextlib.suppress(TypeError):  # not aligned in memory
-            answer = self._step(self._own, self._form.pack(state), *given)
-        return numpy_tick(self._law, state, *given) if answer is None else answer
+            answer = self._compute(self._own, self._form.pack(state), *checked)
+        return numpy_tick(self._law, state, *checked) if answer is None else answer
 
     knowledge = renamed_attribute("knowledge", "model")
     lean = renamed_attribute("lean", "realtime")

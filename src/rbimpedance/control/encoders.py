@@ -13,8 +13,7 @@ from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
 from ..interaction.sensors import LowPass
-from ..trajectories import Reference
-from .protocol import Controller
+from .protocol import Controller, Measured
 from .telemetry import ControllerOutput
 from .wrapper import ControllerWrapper
 
@@ -128,18 +127,11 @@ class QuantizedEncoders(ControllerWrapper[EncoderState, ControllerOutput]):
         """Return the state before the first tick."""
         return EncoderState(None, None, self.controller.init())
 
-    def _step(
-        self,
-        state: EncoderState,
-        q: ArrayLike,
-        v: ArrayLike,
-        reference: Reference,
-        tau_ext: ArrayLike,
-    ) -> tuple[ControllerOutput, EncoderState]:
-        counted = self._counted(self.arm.check_configuration("q", q))
-        told = self._velocity(state, counted, vector("v", v, self.arm.nv))
-        output, inner = self.controller.step(state.inner, counted, told, reference, tau_ext)
-        return output, EncoderState(counted, told, inner)
+    def _step(self, state: EncoderState, given: Measured) -> tuple[ControllerOutput, EncoderState]:
+        q = self._counted(self.arm.check_configuration("q", given.q))
+        v = self._velocity(state, q, vector("v", given.v, self.arm.nv))
+        output, inner = self.controller.step(state.inner, *given._replace(q=q, v=v))
+        return output, EncoderState(q, v, inner)
 
     def _counted(self, q: Array) -> Array:
         """The configuration that is a whole number of counts away from neutral."""

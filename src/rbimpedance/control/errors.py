@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from numpy.typing import ArrayLike
-
 from .._common.arrays import Array, vector
 from ..exceptions import DimensionError
 from ..law.impedance import TargetFilter
 from ..robot.arm_model import ArmModel
 from ..trajectories import Reference
+from .protocol import Measured
 
 
 class Tracking(NamedTuple):
@@ -44,11 +43,7 @@ def track(
     impedance_filter: TargetFilter,
     q_e: Array,
     v_e: Array,
-    *,
-    q: ArrayLike,
-    v: ArrayLike,
-    reference: Reference,
-    tau_ext: ArrayLike,
+    given: Measured,
 ) -> Tracking:
     """Return the impedance reference (paper, eqs. 3 and 4) and the errors of a tick.
 
@@ -57,16 +52,13 @@ def track(
         impedance_filter: Filter of the target impedance.
         q_e: Its position, shape (nv,).
         v_e: Its velocity, shape (nv,).
-        q: Measured configuration, shape (nq,).
-        v: Measured velocity, shape (nv,).
-        reference: Desired motion.
-        tau_ext: Measured torque of the environment, shape (nv,).
+        given: Measurements and desired motion.
 
     Raises:
         DimensionError: Wrong shape or kind.
         NonFiniteError: An input holds NaN or infinity.
     """
-    q, v, desired, tau_ext = check_measurements(arm, q, v, reference, tau_ext)
+    q, v, desired, tau_ext = check_measurements(arm, given)
     a_e = impedance_filter.acceleration(q_e, v_e, tau_ext)  # eq. (3)
     q_r = arm.raw_dynamics.integrate(desired.q, q_e)  # eq. (4)
     v_r = desired.v + v_e
@@ -75,9 +67,7 @@ def track(
     return Tracking(q, v, tau_ext, desired, q_r, v_r, a_r, e1, e2=v_r - v)
 
 
-def check_measurements(
-    arm: ArmModel, q: ArrayLike, v: ArrayLike, reference: Reference, tau_ext: ArrayLike
-) -> tuple[Array, Array, Reference, Array]:
+def check_measurements(arm: ArmModel, given: Measured) -> tuple[Array, Array, Reference, Array]:
     """Return q, v, reference and tau_ext of a tick as checked float64 vectors.
 
     Raises:
@@ -85,10 +75,10 @@ def check_measurements(
         NonFiniteError: An input holds NaN or infinity.
     """
     return (
-        arm.check_configuration("q", q),
-        vector("v", v, arm.nv),
-        check_reference(arm, reference),
-        vector("tau_ext", tau_ext, arm.nv),
+        arm.check_configuration("q", given.q),
+        vector("v", given.v, arm.nv),
+        check_reference(arm, given.reference),
+        vector("tau_ext", given.tau_ext, arm.nv),
     )
 
 

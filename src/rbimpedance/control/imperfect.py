@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from .._common.arrays import Array, gain, not_negative, per_joint, vector
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
-from ..trajectories import Reference
-from .protocol import Controller
+from .protocol import Controller, Measured
 from .telemetry import ControllerOutput, Situation
 from .wrapper import ControllerWrapper
 
@@ -101,17 +100,14 @@ class ImperfectController(ControllerWrapper[ImperfectState, ControllerOutput]):
         return ImperfectState(0, (), self.controller.init())
 
     def _step(
-        self,
-        state: ImperfectState,
-        q: ArrayLike,
-        v: ArrayLike,
-        reference: Reference,
-        tau_ext: ArrayLike,
+        self, state: ImperfectState, given: Measured
     ) -> tuple[ControllerOutput, ImperfectState]:
-        seen = self._measure(state.ticks, q, v, tau_ext)
+        seen = self._measure(state.ticks, given)
         pending = (*(state.pending or self.delay * (seen,)), seen)
         late = pending[0]
-        output, inner = self.controller.step(state.inner, late.q, late.v, reference, late.tau_ext)
+        output, inner = self.controller.step(
+            state.inner, late.q, late.v, given.reference, late.tau_ext
+        )
         output = output._replace(tau=self.torque_constant * output.tau)
         kept = pending[1:] if self.delay else ()
         return output, ImperfectState(state.ticks + 1, kept, inner)
@@ -125,15 +121,15 @@ class ImperfectController(ControllerWrapper[ImperfectState, ControllerOutput]):
         """
         return state._replace(pending=(), inner=self.controller.handover(state.inner, now))
 
-    def _measure(self, tick: int, q: ArrayLike, v: ArrayLike, tau_ext: ArrayLike) -> Measurement:
+    def _measure(self, tick: int, given: Measured) -> Measurement:
         arm = self.arm
-        q, v = arm.check_configuration("q", q), vector("v", v, arm.nv)
+        q, v = arm.check_configuration("q", given.q), vector("v", given.v, arm.nv)
         rng = np.random.default_rng((self.seed, tick))
         on_q, on_v = rng.standard_normal((2, arm.nv))
         return Measurement(
             arm.raw_dynamics.integrate(q, self.position_noise * on_q),
             v + self.velocity_noise * on_v,
-            vector("tau_ext", tau_ext, arm.nv).copy(),
+            vector("tau_ext", given.tau_ext, arm.nv).copy(),
         )
 
 

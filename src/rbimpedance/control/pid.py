@@ -14,10 +14,9 @@ from ..law.impedance import TargetImpedance
 from ..law.limits import Limits, as_limits
 from ..robot.arm_model import ArmModel
 from ..robot.knowledge import Knowledge, model_torque
-from ..trajectories import Reference
 from .baseline_law import Baseline, BaselineState, BaselineTorque, baseline_output
 from .errors import track
-from .protocol import checked_period
+from .protocol import Measured, checked_period
 from .telemetry import ControllerOutput, Situation
 
 
@@ -40,7 +39,7 @@ class PIDState(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class PIDImpedance(Baseline):
+class PIDImpedance(Baseline[PIDState]):
     """Computed torque with a PID around the impedance reference q_r: the linear counterpart of our law.
 
         tau = RNEA(q, v, a_r + u) - tau_ext,    u = k_p·e1 + k_d·e2 + k_i·∫e1 dt
@@ -91,39 +90,9 @@ class PIDImpedance(Baseline):
         at_rest = self._filter_at_rest()
         return PIDState(0, at_rest, *[at_rest.q_e] * 3)
 
-    def step(
-        self,
-        state: PIDState,
-        q: ArrayLike,
-        v: ArrayLike,
-        reference: Reference,
-        tau_ext: ArrayLike,
-        period: float | None = None,
-    ) -> tuple[ControllerOutput, PIDState]:
-        """Compute the torque of one tick; see `ImpedanceController.step`.
-
-        Args:
-            state: From `init` or from the tick before.
-            q: Measured configuration, shape (nq,).
-            v: Measured velocity, shape (nv,) [rad/s or m/s].
-            reference: Desired motion at this tick.
-            tau_ext: Measured torque of the environment on the robot, shape (nv,) [N·m or N].
-            period: Measured time since the tick before; dt if it is not given [s].
-
-        Returns:
-            The output, and the state for the next tick.
-
-        Raises:
-            DimensionError: Wrong shape or kind.
-            NonFiniteError: An input holds NaN or infinity.
-            InputError: A period that `elapsed` refuses.
-        """
-        if period is not None:
-            state = self.elapsed(state, period)
+    def _step(self, state: PIDState, given: Measured) -> tuple[ControllerOutput, PIDState]:
         q_e, v_e, integral = state.filter.q_e, state.filter.v_e, state.integral
-        tick = track(
-            self.arm, self._filter, q_e, v_e, q=q, v=v, reference=reference, tau_ext=tau_ext
-        )
+        tick = track(self.arm, self._filter, q_e, v_e, given)
         k_p, k_d, k_i = self._gains
         u = k_p * tick.e1 + k_d * tick.e2 + k_i * integral
         tau = model_torque(self.arm, self.model, tick.q, tick.v, tick.a_r + u) - tick.tau_ext
@@ -144,16 +113,7 @@ class PIDImpedance(Baseline):
         tau = output.tau.copy()
         return output, PIDState(state.ticks + 1, filtered, following, integral, tau)
 
-    def elapsed(self, state: PIDState, period: float) -> PIDState:
-        """Return the state at a tick that comes a measured time after the one before; see `ImpedanceController`.
-
-        Args:
-            state: From the tick before.
-            period: Time since then [s]; see `ImpedanceController.elapsed`.
-
-        Raises:
-            InputError: A period that is refused there.
-        """
+    def _elapsed(self, state: PIDState, period: float) -> PIDState:
         period = checked_period(period, self.dt)
         before = state.integral_before
         integral = before + (state.integral - before) * (period / self.dt)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Literal, Protocol, TypeVar
+from abc import ABC, abstractmethod
+from typing import Generic, Literal, NamedTuple, Protocol, TypeVar
 
 from numpy.typing import ArrayLike
 
@@ -18,7 +19,7 @@ Backend = Literal["numpy", "pinocchio", "compiled"]
 """Who computes a tick: NumPy, the specification; compiled code around Pinocchio's algorithms; compiled code alone."""
 
 StateT = TypeVar("StateT")
-
+OutputT = TypeVar("OutputT", bound=ControllerOutput)
 
 LONGEST_PERIOD = 100.0
 """Longest measured period that a tick accepts, in control periods."""
@@ -58,6 +59,44 @@ class WrappableController(Controller[StateT], Protocol[StateT]):
     def limits(self) -> Limits | None:
         """Limits of the torque that it gives, None where it keeps none."""
 
+    def elapsed(self, state: StateT, period: float) -> StateT:
+        """Return the state at a tick that comes a measured time after the one before, instead of dt after it."""
+
+    def handover(self, state: StateT, now: Situation) -> StateT:
+        """Return the state with which the controller takes the arm over as it is now, without a jump."""
+
+
+class Measured(NamedTuple):
+    """What a controller is given at a tick.
+
+    Attributes:
+        q: Measured configuration, shape (nq,).
+        v: Measured velocity, shape (nv,) [rad/s or m/s].
+        reference: Desired motion.
+        tau_ext: Measured torque of the environment on the robot, shape (nv,) [N·m or N].
+    """
+
+    q: ArrayLike
+    v: ArrayLike
+    reference: Reference
+    tau_ext: ArrayLike
+
+
+class ControllerBase(ABC, Generic[StateT, OutputT]):
+    """What every controller of the library offers, described once; children give `init`, `_step` and `_elapsed`."""
+
+    @abstractmethod
+    def init(self) -> StateT:
+        """Return the state before the first tick."""
+
+    @abstractmethod
+    def _step(self, state: StateT, given: Measured) -> tuple[OutputT, StateT]:
+        """A tick whose measured period is in the state already."""
+
+    @abstractmethod
+    def _elapsed(self, state: StateT, period: float) -> StateT:
+        """`elapsed`; it checks the period, or leaves that to the controller inside."""
+
     def step(
         self,
         state: StateT,
@@ -66,14 +105,63 @@ class WrappableController(Controller[StateT], Protocol[StateT]):
         reference: Reference,
         tau_ext: ArrayLike,
         period: float | None = None,
-    ) -> tuple[ControllerOutput, StateT]:
-        """Return the output of one tick and the next state; period is the measured time since the tick before."""
+    ) -> tuple[OutputT, StateT]:
+        """Compute the torque of one tick.
+
+        Args:
+            state: From `init` or from the tick before.
+            q: Measured configuration, shape (nq,).
+            v: Measured velocity, shape (nv,) [rad/s or m/s].
+            reference: Desired motion at this tick.
+            tau_ext: Measured torque of the environment on the robot, shape (nv,) [N·m or N].
+            period: Measured time since the tick before, see `elapsed`; dt if it is not given [s].
+
+        Returns:
+            The output, and the state for the next tick.
+
+        Raises:
+            DimensionError: Wrong shape or kind.
+            NonFiniteError: An input holds NaN or infinity.
+            InputError: A period that is not positive, or longer than `LONGEST_PERIOD` control periods.
+        """
+        if period is not None:
+            state = self.elapsed(state, period)
+        return self._step(state, Measured(q, v, reference, tau_ext))
 
     def elapsed(self, state: StateT, period: float) -> StateT:
-        """Return the state at a tick that comes a measured time after the one before, instead of dt after it."""
+        """Return the state at a tick that comes a measured time after the one before, instead of dt after it.
 
-    def handover(self, state: StateT, now: Situation) -> StateT:
-        """Return the state with which the controller takes the arm over as it is now, without a jump."""
+        The impedance filter repeats its step over the measured time, exact for constant tau_ext; integrals grow in
+        proportion. The law's own period stays dt, since the torque of this tick is expected to be held for dt.
+
+        Args:
+            state: From the tick before.
+            period: Time since then, more than 0 and at most `LONGEST_PERIOD`·dt [s].
+
+        Raises:
+            InputError: Not such a number.
+        """
+        return self._elapsed(state, period)
+
+
+class SensorlessBase(ControllerBase[StateT, OutputT]):
+    """What controllers offer that need no force sensor."""
+
+    def step(
+        self,
+        state: StateT,
+        q: ArrayLike,
+        v: ArrayLike,
+        reference: Reference,
+        tau_ext: ArrayLike | None = None,
+        period: float | None = None,
+    ) -> tuple[OutputT, StateT]:
+        """Compute the torque of one tick; see `ControllerBase.step`.
+
+        tau_ext is not used; it is there for whoever runs controllers of all kinds.
+        """
+        del tau_ext
+        return super().step(state, q, v, reference, 0.0, period)
 
 
 def checked_period(period: float, dt: float) -> float:

@@ -96,7 +96,8 @@ class RealtimeController:
                 return self.tau
         except (TypeError, ValueError):  # not plain vectors
             pass
-        output, state = self.controller.step(self.state, q, v, reference, tau_ext, period)
+        state = self.state if period is None else self.controller.elapsed(self.state, period)
+        output, state = self.controller.step(state, q, v, reference, tau_ext)
         self.tau[:] = output.tau
         self.reset(state)
         return self.tau

@@ -24,8 +24,8 @@ from ..robot.arm_model import ArmModel
 from ..trajectories import Reference
 from .baseline_law import coriolis_torque
 from .errors import check_measurements
-from .protocol import WrappableController, checked_period
-from .telemetry import ControllerOutput, Situation
+from .protocol import Measured, SensorlessBase, WrappableController, checked_period
+from .telemetry import ControllerOutput, Situation, flags
 from .wrapper import ControllerWrapper
 
 
@@ -67,7 +67,7 @@ class CompliantState(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class CompliantController:
+class CompliantController(SensorlessBase[CompliantState, ControllerOutput]):
     """A spring and a damper on the arm's own inertia: the target impedance with M_d = M(q), which needs no tau_ext.
 
         tau = M(q) a_d + C(q, v) v_d + g(q) + friction(v) + D(q)(v_d - v) + K(q_d - q) - rejected
@@ -148,75 +148,34 @@ class CompliantController:
         observer = None if self._observer is None else self._observer.init()
         return CompliantState(0, observer, np.zeros(self.arm.nv))
 
-    def step(
-        self,
-        state: CompliantState,
-        q: ArrayLike,
-        v: ArrayLike,
-        reference: Reference,
-        tau_ext: ArrayLike | None = None,
-        period: float | None = None,
+    def _step(
+        self, state: CompliantState, given: Measured
     ) -> tuple[ControllerOutput, CompliantState]:
-        """Compute the torque of one tick.
-
-        Args:
-            state: From `init` or from the tick before.
-            q: Measured configuration, shape (nq,).
-            v: Measured velocity, shape (nv,) [rad/s or m/s].
-            reference: Desired motion at this tick.
-            tau_ext: Not used; there for whoever runs controllers of all kinds.
-            period: Checked, and not used: the law holds no time of its own [s].
-
-        Returns:
-            The output, with q_r = q_d, and the state for the next tick.
-
-        Raises:
-            DimensionError: Wrong shape or kind.
-            NonFiniteError: An input holds NaN or infinity.
-            InputError: A period that `elapsed` refuses.
-        """
-        del tau_ext
-        if period is not None:
-            state = self.elapsed(state, period)
-        nv, zero = self.arm.nv, np.zeros(self.arm.nv)
-        q, v, desired, _ = check_measurements(self.arm, q, v, reference, zero)
+        zero = np.zeros(self.arm.nv)
+        q, v, desired, _ = check_measurements(self.arm, given._replace(tau_ext=zero))
         e1, e2 = self.arm.raw_dynamics.difference(q, desired.q), desired.v - v
         tau = self._spring_and_damper(q, v, desired, e1, e2)
         observer = state.observer
         if self._observer is not None and observer is not None:
             unexplained, observer = self._observer.step(observer, q, v, state.tau, zero)
             tau = tau - split(unexplained, self.reject).rejected
-        none = np.zeros(nv, dtype=np.bool_)
-        saturated, rate_limited = none, none
-        if self.limits is not None:
-            before = state.tau if state.ticks else None
-            mass_matrix = self.arm.raw_dynamics.mass_matrix
-            given = self.limits.allocate(tau, lambda: mass_matrix(q), before=before, dt=self.dt)
-            tau, saturated, rate_limited = given.tau, given.saturated, given.rate_limited
+        mass_matrix = self.arm.raw_dynamics.mass_matrix
+        before = state.tau if state.ticks else None
+        tau, saturated, rate_limited, _ = (self.limits or Limits()).allocate(
+            tau, lambda: mass_matrix(q), before=before, dt=self.dt
+        )
         output = ControllerOutput(
             tau,
             *(desired.q, desired.v, desired.a, e1, e2, zero),
             u=zero.copy(),
             q_e=zero.copy(),
             v_e=zero.copy(),
-            saturated=saturated,
-            premise_holds=none.copy(),
-            rate_limited=rate_limited,
-            clipped=none.copy(),
-            reference_limited=none.copy(),
+            premise_holds=np.zeros(len(tau), dtype=np.bool_),
+            **flags(len(tau), saturated=saturated, rate_limited=rate_limited),
         )
         return output, CompliantState(state.ticks + 1, observer, tau.copy())
 
-    def elapsed(self, state: CompliantState, period: float) -> CompliantState:
-        """Return the state as it is: the law holds no time of its own.
-
-        Args:
-            state: From the tick before.
-            period: Time since then [s].
-
-        Raises:
-            InputError: A period that is not possible, see `checked_period`.
-        """
+    def _elapsed(self, state: CompliantState, period: float) -> CompliantState:
         checked_period(period, self.dt)
         return state
 
@@ -282,7 +241,10 @@ class SensorlessState(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class SensorlessController(ControllerWrapper[SensorlessState, ControllerOutput]):
+class SensorlessController(
+    SensorlessBase[SensorlessState, ControllerOutput],
+    ControllerWrapper[SensorlessState, ControllerOutput],
+):
     """A controller that needs tau_ext, with an observer in place of the force sensor.
 
     `SensorlessController(ImpedanceController(arm))` renders M_d, D_d and K_d from position and velocity alone. The
@@ -322,33 +284,6 @@ class SensorlessController(ControllerWrapper[SensorlessState, ControllerOutput])
         """Return the state before the first tick: nothing felt yet."""
         return SensorlessState(self.controller.init(), self.sensor.init(), np.zeros(self.arm.nv))
 
-    def step(
-        self,
-        state: SensorlessState,
-        q: ArrayLike,
-        v: ArrayLike,
-        reference: Reference,
-        tau_ext: ArrayLike | None = None,
-        period: float | None = None,
-    ) -> tuple[ControllerOutput, SensorlessState]:
-        """Compute the torque of one tick; see `ImpedanceController.step`.
-
-        Args:
-            state: From `init` or from the tick before.
-            q: Measured configuration, shape (nq,).
-            v: Measured velocity, shape (nv,) [rad/s or m/s].
-            reference: Desired motion at this tick.
-            tau_ext: Not used; there for whoever runs controllers of all kinds.
-            period: Measured time since the tick before; dt if it is not given [s].
-
-        Raises:
-            DimensionError: Wrong shape or kind.
-            NonFiniteError: An input holds NaN or infinity.
-            InputError: A period that `elapsed` refuses.
-        """
-        del tau_ext
-        return super().step(state, q, v, reference, np.zeros(self.arm.nv), period)
-
     def handover(self, state: SensorlessState, now: Situation) -> SensorlessState:
         """Return the state with which the arm is taken over as it is now: nothing felt yet, the torque that acts.
 
@@ -360,16 +295,11 @@ class SensorlessController(ControllerWrapper[SensorlessState, ControllerOutput])
         return SensorlessState(inner, self.sensor.init(), np.array(now.tau))
 
     def _step(
-        self,
-        state: SensorlessState,
-        q: ArrayLike,
-        v: ArrayLike,
-        reference: Reference,
-        tau_ext: ArrayLike,
+        self, state: SensorlessState, given: Measured
     ) -> tuple[ControllerOutput, SensorlessState]:
-        zero = np.array(tau_ext)
-        given = check_measurements(self.arm, q, v, reference, zero)
-        unexplained, sensor = self.sensor.step(state.sensor, given[0], given[1], state.tau, zero)
+        zero = np.zeros(self.arm.nv)
+        q, v, reference, _ = check_measurements(self.arm, given._replace(tau_ext=zero))
+        unexplained, sensor = self.sensor.step(state.sensor, q, v, state.tau, zero)
         felt = split(unexplained, self.reject).felt
-        output, inner = self.controller.step(state.inner, *given[:3], felt)
+        output, inner = self.controller.step(state.inner, q, v, reference, felt)
         return output, SensorlessState(inner, sensor, output.tau.copy())

@@ -22,6 +22,7 @@ from ..robot.arm_model import ArmModel
 from ..robot.knowledge import Knowledge, model_torque
 from ..trajectories import Reference
 from .errors import track
+from .protocol import Measured
 from .telemetry import ControllerOutput, ControllerState, flags
 
 
@@ -58,8 +59,8 @@ def numpy_tick(
     """Return output and next state of one tick; see `ImpedanceController.step`."""
     arm, target, surface, reaching, dt, model, _ = law
     q_e, v_e = state.q_e, state.v_e
-    given: Any = {"q": q, "v": v, "reference": reference, "tau_ext": tau_ext}
-    q, v, tau_ext, _, q_r, v_r, a_r, e1, e2 = track(arm, target, q_e, v_e, **given)  # eqs. (3), (4)
+    given = Measured(q, v, reference, tau_ext)
+    q, v, tau_ext, _, q_r, v_r, a_r, e1, e2 = track(arm, target, q_e, v_e, given)  # eqs. (3), (4)
 
     s = surface.value(e1, e2)  # eq. (6)
     before = _reaching_state(reaching, state, s)

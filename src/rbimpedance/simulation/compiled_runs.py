@@ -13,6 +13,7 @@ from .._numba import warn_once
 from ..control.backends import is_available
 from ..control.controller import ImpedanceController
 from ..control.errors import check_measurements
+from ..control.protocol import Measured
 from ..control.tick import NumpyTick
 from ..exceptions import UnsupportedJointError
 from ..interaction import Perfect
@@ -252,4 +253,5 @@ def check_inputs(loop: ClosedLoop, world: World, reference: Reference, i: int) -
     """
     motion = world.memory.motion
     told = Reference(*(rows[min(i, len(rows) - 1)] for rows in reference))
-    check_measurements(loop.controller.arm, motion.q, motion.v, told, motion.tau_ext)
+    given = Measured(motion.q, motion.v, told, motion.tau_ext)
+    check_measurements(loop.controller.arm, given)

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..._common.arrays import Array, gain, positive_number, vector
 from ..._common.brief import brief_repr
@@ -20,8 +19,8 @@ from ..._common.frozen import set_fields
 from ...exceptions import ParameterError
 from ...interaction import Sensor
 from ...law.impedance import Impedance, ImpedanceMatrices, TargetFilter
-from ...trajectories import Reference
 from ..controller import ControllerOutput, ImpedanceController
+from ..protocol import Measured
 from ..wrapper import ControllerWrapper
 
 
@@ -158,37 +157,21 @@ class EnergyTank(ControllerWrapper[TankState, ControllerOutput]):
             share=0.0,
         )
 
-    def _step(
-        self,
-        state: TankState,
-        q: ArrayLike,
-        v: ArrayLike,
-        reference: Reference,
-        tau_ext: ArrayLike,
-    ) -> tuple[ControllerOutput, TankState]:
-        q, v = self.arm.check_configuration("q", q), vector("v", v, self.arm.nv)
-        told = vector("tau_ext", tau_ext, self.arm.nv)
+    def _step(self, state: TankState, given: Measured) -> tuple[ControllerOutput, TankState]:
+        q, v = self.arm.check_configuration("q", given.q), vector("v", given.v, self.arm.nv)
+        told = vector("tau_ext", given.tau_ext, self.arm.nv)
         observed, observer = told, None
         if self.observer is not None:
             observed, observer = self.observer.step(state.observer, q, v, state.tau, told)
         state = self._with_paid_gains(state)
         controller, target = self._in_use.with_gains(state.matrices)
         share = _share(target, state, told, observed)
-        given = told + share * (observed - told)
-        output, inner = controller.step(state.inner, q, v, reference, given)
+        filtered = told + share * (observed - told)
+        output, inner = controller.step(state.inner, q, v, given.reference, filtered)
         following = state._replace(inner=inner, observer=observer, tau=output.tau, share=share)
-        return output, self._balanced(state, following, given, observed)
+        return output, self._balanced(state, following, filtered, observed)
 
-    def elapsed(self, state: TankState, period: float) -> TankState:
-        """Return the state at a tick that comes a measured time after the one before; the tank stays as it is.
-
-        Args:
-            state: From the tick before.
-            period: Time since then [s]; see `ImpedanceController.elapsed`.
-
-        Raises:
-            InputError: A period that is refused there.
-        """
+    def _elapsed(self, state: TankState, period: float) -> TankState:
         controller, _ = self._in_use.with_gains(state.matrices)
         return state._replace(inner=controller.elapsed(state.inner, period))
 

@@ -16,7 +16,7 @@ from ...exceptions import InputError, ParameterError
 from ...law.limits import Limits, as_limits
 from ...robot.arm_model import ArmModel
 from ...trajectories import Reference
-from ..protocol import LONGEST_PERIOD, WrappableController
+from ..protocol import LONGEST_PERIOD, Measured, WrappableController
 from ..telemetry import Situation
 from ..wrapper import ControllerWrapper
 from .belief import Belief, Believer
@@ -211,12 +211,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         return state._replace(inner=inner, tau=np.array(now.tau), tau_ext=np.array(now.tau_ext))
 
     def _step(
-        self,
-        state: FaultGuardState,
-        q: ArrayLike,
-        v: ArrayLike,
-        reference: Reference,
-        tau_ext: ArrayLike,
+        self, state: FaultGuardState, given: Measured
     ) -> tuple[GuardedOutput, FaultGuardState]:
         """A tick.
 
@@ -224,7 +219,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
             FaultError: A fault, where the policy is "raise" or the tick is the first.
         """
         with np.errstate(all="ignore"):  # whatever overflows is found by looking at it
-            now, fault = self._now(state, q, v, reference, tau_ext)
+            now, fault = self._now(state, given)
             if fault is None and (state.response == "run" or now.sound >= self.patience):
                 output, fault, following = self._run(state, now)
                 if fault is None and output is not None:
@@ -234,20 +229,11 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
                 raise FaultError(fault)
             return self._told(state, *self._fall_back(state, now))
 
-    def _now(
-        self,
-        state: FaultGuardState,
-        q: ArrayLike,
-        v: ArrayLike,
-        reference: Reference,
-        tau_ext: ArrayLike,
-    ) -> tuple[FaultGuardState, Fault | None]:
+    def _now(self, state: FaultGuardState, given: Measured) -> tuple[FaultGuardState, Fault | None]:
         """The state with what is known of the arm at this tick, and what is wrong."""
         fault = _NO_PERIOD if state.period == -1.0 else None
         period = self.dt if state.period is None or fault else state.period
-        reading, monitor = self._monitor.read(
-            state.monitor, q, v, reference, tau_ext, state.v_e, period
-        )
+        reading, monitor = self._monitor.read(state.monitor, *given, state.v_e, period)
         desired = state.reference if reading.reference is None else reading.reference
         told = np.zeros_like(state.tau) if reading.tau_ext is None else reading.tau_ext
         known = self._believer.update(state.known, reading, state.tau, period)

@@ -16,7 +16,7 @@ from ...law.impedance import TargetFilter
 from ...robot.arm_model import ArmModel
 from ...trajectories import Reference
 from ..errors import check_reference, track
-from ..protocol import WrappableController
+from ..protocol import Measured, WrappableController
 from ..telemetry import ControllerOutput, Situation
 from ..wrapper import ControllerWrapper
 
@@ -126,47 +126,25 @@ class ReferenceGuard(ControllerWrapper[GuardState, ControllerOutput]):
         zero, none = np.zeros(self.arm.nv), np.zeros(self.arm.nv, dtype=np.bool_)
         return GuardState(self.controller.init(), zero, zero, zero, none)
 
-    def _step(
-        self,
-        state: GuardState,
-        q: ArrayLike,
-        v: ArrayLike,
-        reference: Reference,
-        tau_ext: ArrayLike,
-    ) -> tuple[ControllerOutput, GuardState]:
+    def _step(self, state: GuardState, given: Measured) -> tuple[ControllerOutput, GuardState]:
         h, (inner, q_g, v_g, _, _) = self.dt, state
-        moved = self._moved(check_reference(self.arm, reference), q_g, v_g, np.zeros_like(q_g))
-        tick = track(
-            self.arm,
-            self._filter,
-            inner.q_e,
-            inner.v_e,
-            q=q,
-            v=v,
-            reference=moved,
-            tau_ext=tau_ext,
+        moved = self._moved(
+            check_reference(self.arm, given.reference), q_g, v_g, np.zeros_like(q_g)
         )
+        given = given._replace(reference=moved)
+        tick = track(self.arm, self._filter, inner.q_e, inner.v_e, given)
         k1, k2 = self._gains()
         wanted = -k1 * q_g - k2 * v_g  # back to where nothing is moved
         a = self._bounded(tick.q_r, tick.v_r, tick.a_r + wanted)
         reference_limited = a != tick.a_r + wanted
         a_g = np.where(reference_limited, a - tick.a_r, wanted)
         desired = self._moved(tick.desired, np.zeros_like(q_g), np.zeros_like(q_g), a_g)
-        output, inner = self.controller.step(inner, q, v, desired, tau_ext)
+        output, inner = self.controller.step(inner, *given._replace(reference=desired))
         following = q_g + h * v_g + h**2 / 2.0 * a_g, v_g + h * a_g
         output = output._replace(reference_limited=reference_limited)
         return output, GuardState(inner, *following, a_g, reference_limited)
 
-    def elapsed(self, state: GuardState, period: float) -> GuardState:
-        """Return the state at a tick that comes a measured time after the one before, instead of dt after it.
-
-        Args:
-            state: From the tick before.
-            period: Time since then [s]; see `ImpedanceController.elapsed`.
-
-        Raises:
-            InputError: A period that is refused there.
-        """
+    def _elapsed(self, state: GuardState, period: float) -> GuardState:
         inner, late = self.controller.elapsed(state.inner, period), float(period) - self.dt
         q_g = state.q_g + late * state.v_g + late**2 / 2.0 * state.a_g
         return state._replace(inner=inner, q_g=q_g, v_g=state.v_g + late * state.a_g)

@@ -13,7 +13,7 @@ from ..._common.frozen import set_fields
 from ...law.limits import Limits
 from ...trajectories import Reference
 from ..errors import check_measurements
-from ..protocol import LONGEST_PERIOD, WrappableController
+from ..protocol import LONGEST_PERIOD, Measured, WrappableController
 from ..telemetry import ControllerOutput, Situation
 from ..wrapper import ControllerWrapper
 from .faults import FASTEST
@@ -183,14 +183,9 @@ class SoftStart(ControllerWrapper[SoftStartState, ControllerOutput]):
         return started._replace(inner=inner, tau=np.array(now.tau))
 
     def _step(
-        self,
-        state: SoftStartState,
-        q: ArrayLike,
-        v: ArrayLike,
-        reference: Reference,
-        tau_ext: ArrayLike,
+        self, state: SoftStartState, given: Measured
     ) -> tuple[ControllerOutput, SoftStartState]:
-        q, v, reference, tau_ext = check_measurements(self.arm, q, v, reference, tau_ext)
+        q, v, reference, tau_ext = check_measurements(self.arm, given)
         state = self._fresh(state, q)
         if state.tau is None or state.ticks == 0 or self.has_jumped(state, reference):
             rest = np.zeros(self.arm.nv)
