@@ -6,6 +6,7 @@ import json
 import os
 import resource
 import signal
+import subprocess
 import sys
 import tempfile
 import traceback
@@ -23,6 +24,11 @@ Verdict = dict[str, Any]
 """`outcome`: "sound" or the error's class; `message`: the error or the notes; `fault`: what must not be, or ""."""
 
 _PAGE = resource.getpagesize()
+
+
+def fresh_python(code: str) -> subprocess.CompletedProcess[str]:
+    """Run some code in a Python of its own, which has loaded nothing yet; it has to succeed."""
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
 
 
 def isolated(work: Callable[[], Verdict], *, seconds: int, megabytes: int) -> Verdict:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import subprocess
 import sys
 from collections.abc import Iterator
 from graphlib import TopologicalSorter
@@ -12,6 +11,8 @@ from pathlib import Path
 import pytest
 
 import rbimpedance
+
+from .isolation import fresh_python
 
 SOURCES = Path(rbimpedance.__file__).parent
 
@@ -125,5 +126,5 @@ def test_room_does_not_know_pinocchio(room: str) -> None:
 @pytest.mark.slow
 def test_importing_the_package_loads_no_heavy_library() -> None:
     code = f"import sys, rbimpedance; print(*(set({HEAVY!r}) & set(sys.modules)))"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    run = fresh_python(code)
     assert run.stdout.strip() == ""

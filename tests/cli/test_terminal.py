@@ -21,6 +21,7 @@ from rbimpedance.cli.terminal import print_table, progress, table
 
 from ..arms import LIMIT, urdf, urdf_joint, urdf_link
 from ..command_line import call
+from ..isolation import fresh_python
 
 COMMANDS: Any = get_command(cli.app)
 START = Path(__file__).parents[2] / "docs" / "start.md"
@@ -99,7 +100,7 @@ def test_nothing_that_only_figures_need_is_loaded_before_the_first_sign_of_life(
     code = (
         "import sys, rbimpedance.cli; print({'matplotlib', 'meshcat', 'pandas'} & set(sys.modules))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = fresh_python(code)
     assert done.stdout == "set()\n"
 
 

@@ -237,27 +237,17 @@ def test_ticks_of_two_threads_at_once_in_pinocchio_do_not_mix(
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("period", [None, 1.3e-3])
 def test_a_state_goes_from_one_form_to_the_other(
-    backend: Backend, rng: np.random.Generator
+    backend: Backend, period: float | None, rng: np.random.Generator
 ) -> None:
     fast = controller(arms.manipulator(), backend)
     plain = readable(fast)
     first, second = draw(plain.arm, rng), draw(plain.arm, rng)
-    truth = plain.step(plain.step(plain.init(), *first)[1], *second)
-    assert_same(fast.step(plain.step(plain.init(), *first)[1], *second), truth, 1e-12, 1e-12)
-    assert_same(plain.step(fast.step(fast.init(), *first)[1], *second), truth, 1e-12, 1e-12)
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_a_measured_period_is_that_of_the_numpy_form(
-    backend: Backend, rng: np.random.Generator
-) -> None:
-    fast = controller(arms.manipulator(), backend)
-    plain = readable(fast)
-    first, second = draw(plain.arm, rng), draw(plain.arm, rng)
-    truth = plain.step(plain.step(plain.init(), *first)[1], *second, period=1.3e-3)
-    mine = fast.step(fast.step(fast.init(), *first)[1], *second, period=1.3e-3)
-    assert_same(mine, truth, 1e-12, 1e-12)
+    truth = plain.step(plain.step(plain.init(), *first)[1], *second, period)
+    for one, other in ((fast, plain), (plain, fast), (fast, fast)):
+        after = other.step(other.init(), *first)[1]
+        assert_same(one.step(after, *second, period), truth, 1e-12, 1e-12)
 
 
 def _unaligned(x: Array) -> Array:

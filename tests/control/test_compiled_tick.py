@@ -6,8 +6,6 @@ import copy
 import functools
 import itertools
 import pickle
-import subprocess
-import sys
 from typing import Any, Literal
 
 import numpy as np
@@ -22,6 +20,7 @@ from rbimpedance.control.compiled.forms import CompiledForm, CompiledTick, Pinoc
 from rbimpedance.control.compiled.pack import can_pack
 
 from .. import arms
+from ..isolation import fresh_python
 
 Array = NDArray[np.float64]
 Scheme = Literal["explicit", "matched", "implicit"]
@@ -432,7 +431,7 @@ def test_fused_ticks_carry_joints_that_follow_others(rng: np.random.Generator) -
 @pytest.mark.slow
 def test_package_does_not_load_numba_until_it_is_needed() -> None:
     code = "import sys, rbimpedance, rbimpedance.control.compiled; print('numba' in sys.modules)"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    run = fresh_python(code)
     assert run.stdout.strip() == "False"
 
 
@@ -446,7 +445,7 @@ def test_a_second_process_compiles_nothing() -> None:
         "with event.install_recorder('numba:compile') as recorder: warm_up()\n"
         "print(len(recorder.buffer))"
     )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    run = fresh_python(code)
     assert run.stdout.strip() == "0"
 
 

@@ -17,19 +17,14 @@ from rbimpedance.control.snapshot import fingerprint
 from rbimpedance.simulation.plants import RigidPlant
 from rbimpedance.tuning import ImperfectController
 
+from .. import laws
 from ..arms import manipulator, spinner
 
 DT = 1e-3
 
 
 def law(arm: rbi.ArmModel) -> rbi.ImpedanceController:
-    return rbi.ImpedanceController(
-        arm,
-        rbi.Impedance(1.0, 10.0, 20.0),
-        rbi.FastTerminalSurface(2.0, 3.0, 0.6),
-        rbi.SuperTwisting(8.0, 10.0),
-        dt=DT,
-    )
+    return laws.controller(arm, dt=DT)
 
 
 class Told:

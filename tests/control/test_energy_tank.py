@@ -15,19 +15,15 @@ from rbimpedance.interaction.estimators import MomentumObserver
 from rbimpedance.law.impedance import ImpedanceMatrices
 from rbimpedance.trajectories import cosine, hold
 
+from .. import laws
+
 Array = NDArray[np.float64]
 DT = 1e-3
 
 
 def law(stiffness: Any = 20.0, damping: float = 2.0) -> rbi.ImpedanceController:
     arm = rbi.load_robot("two_link")
-    return rbi.ImpedanceController(
-        arm,
-        rbi.Impedance(1.0, damping, stiffness),
-        rbi.FastTerminalSurface(2.0, 3.0, 0.6),
-        rbi.SuperTwisting(15.0, 50.0),
-        DT,
-    )
+    return laws.controller(arm, 15.0, 50.0, dt=DT, impedance=rbi.Impedance(1.0, damping, stiffness))
 
 
 class Scripted:

@@ -22,6 +22,7 @@ from rbimpedance.control.guards.faults import Fault, FaultError, OperatingRange
 from rbimpedance.control.guards.reference_guard import ReferenceGuard
 from rbimpedance.trajectories import Reference, cosine, hold
 
+from .. import laws
 from ..arms import pendulum, spinner
 
 Array = NDArray[np.float64]
@@ -30,14 +31,8 @@ EFFORT, RATE = 60.0, 3000.0
 
 
 def law(arm: rbi.ArmModel, **more: Any) -> rbi.ImpedanceController:
-    return rbi.ImpedanceController(
-        arm,
-        rbi.Impedance(1.0, 10.0, 20.0),
-        rbi.FastTerminalSurface(2.0, 3.0, 0.6),
-        rbi.SuperTwisting(15.0, 40.0),
-        DT,
-        limits=more.pop("limits", rbi.Limits(EFFORT, RATE)),
-        **more,
+    return laws.controller(
+        arm, 15.0, 40.0, dt=DT, limits=more.pop("limits", rbi.Limits(EFFORT, RATE)), **more
     )
 
 

@@ -18,6 +18,8 @@ from rbimpedance.control.guards.fault_guard import FaultGuard
 from rbimpedance.control.guards.faults import OperatingRange
 from rbimpedance.trajectories import Reference, hold
 
+from .. import laws
+
 Array = NDArray[np.float64]
 DT, RATE, KICK, SUBSTEPS = 1e-3, 1000.0, 20, 2
 COUNT = 2.0 * np.pi / 2**17
@@ -36,14 +38,8 @@ def law(name: str, k1: float = 15.0, k2: float = 40.0) -> rbi.ImpedanceControlle
     """The README's surface; arms without effort limits get 60 N·m."""
     arm = load(name)
     effort = np.where(np.isfinite(arm.effort_limit), arm.effort_limit, 60.0)
-    return rbi.ImpedanceController(
-        arm,
-        rbi.Impedance(mass=1.0, damping=20.0, stiffness=100.0),
-        rbi.FastTerminalSurface(rate=2.0, gamma=3.0, exponent=0.6),
-        rbi.SuperTwisting(k1=k1, k2=k2),
-        dt=DT,
-        limits=rbi.Limits(effort=effort, rate=RATE),
-    )
+    limits = rbi.Limits(effort=effort, rate=RATE)
+    return laws.controller(arm, k1, k2, dt=DT, impedance=laws.STIFF, limits=limits)
 
 
 def fastest(arm: rbi.ArmModel) -> Array:

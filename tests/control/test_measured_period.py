@@ -16,6 +16,7 @@ from rbimpedance.control.guards.reference_guard import ReferenceGuard
 from rbimpedance.law.impedance import TargetImpedance
 from rbimpedance.trajectories import hold
 
+from .. import laws
 from ..arms import manipulator
 
 Array = NDArray[np.float64]
@@ -28,12 +29,11 @@ M, D, K = 1.0, 10.0, 20.0
 
 
 def _controller(impedance: TargetImpedance | None = None) -> rbi.ImpedanceController:
-    return rbi.ImpedanceController(
+    return laws.controller(
         ARM,
-        rbi.Impedance(M, D, K) if impedance is None else impedance,
-        rbi.FastTerminalSurface(2.0, 3.0, 0.6),
-        rbi.SuperTwisting(15.0, 50.0, "explicit"),
-        DT,
+        dt=DT,
+        impedance=impedance or rbi.Impedance(M, D, K),
+        reaching=rbi.SuperTwisting(15.0, 50.0, "explicit"),
     )
 
 

@@ -15,6 +15,7 @@ from rbimpedance.control.guards.reference_guard import ReferenceGuard
 from rbimpedance.interaction import JointTorque
 from rbimpedance.trajectories import cosine, hold
 
+from .. import laws
 from ..arms import ARMS, manipulator, spinner
 
 Array = NDArray[np.float64]
@@ -22,13 +23,7 @@ DT = 1e-3
 
 
 def controller(arm: rbi.ArmModel) -> rbi.ImpedanceController:
-    return rbi.ImpedanceController(
-        arm,
-        rbi.Impedance(1.0, 10.0, 20.0),
-        rbi.FastTerminalSurface(2.0, 3.0, 0.6),
-        rbi.SuperTwisting(15.0, 50.0),
-        DT,
-    )
+    return laws.controller(arm, 15.0, 50.0, dt=DT)
 
 
 def swing(guard: Any, amplitude: float, torque: Any = 0.0) -> rbi.SimulationResult:

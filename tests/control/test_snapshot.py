@@ -28,20 +28,16 @@ from rbimpedance.control.snapshot import (
 )
 from rbimpedance.trajectories import cosine
 
+from .. import laws
+
 DT = 1e-3
 
 
 def law(**changes: Any) -> rbi.ImpedanceController:
     arm = rbi.load_robot("two_link")
-    return rbi.ImpedanceController(
-        arm,
-        rbi.Impedance(1.0, changes.pop("damping", 10.0), 20.0),
-        rbi.FastTerminalSurface(2.0, 3.0, 0.6),
-        rbi.SuperTwisting(15.0, 40.0),
-        dt=changes.pop("dt", DT),
-        limits=rbi.Limits(40.0, changes.pop("rate", 1000.0)),
-        **changes,
-    )
+    changes["impedance"] = rbi.Impedance(1.0, changes.pop("damping", 10.0), 20.0)
+    changes["limits"] = rbi.Limits(40.0, changes.pop("rate", 1000.0))
+    return laws.controller(arm, 15.0, 40.0, **({"dt": DT} | changes))
 
 
 CONTROLLERS: dict[str, Any] = {

@@ -16,6 +16,8 @@ from rbimpedance.control.guards.reference_guard import ReferenceGuard
 from rbimpedance.control.guards.soft_start import SoftStart
 from rbimpedance.trajectories import cosine, hold
 
+from .. import laws
+
 Array = NDArray[np.float64]
 DT, RATE = 1e-3, 1000.0
 PANDA = rbi.load_robot("panda", lock=("panda_finger_joint1", "panda_finger_joint2"), armature=0.1)
@@ -23,14 +25,8 @@ Q = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.5])
 
 
 def law(arm: rbi.ArmModel = PANDA, k1: float = 50.0, k2: float = 500.0) -> rbi.ImpedanceController:
-    return rbi.ImpedanceController(
-        arm,
-        rbi.Impedance(mass=1.0, damping=20.0, stiffness=100.0),
-        rbi.FastTerminalSurface(rate=2.0, gamma=3.0, exponent=0.6),
-        rbi.SuperTwisting(k1=k1, k2=k2),
-        dt=DT,
-        limits=rbi.Limits(effort=arm.effort_limit, rate=RATE),
-    )
+    limits = rbi.Limits(effort=arm.effort_limit, rate=RATE)
+    return laws.controller(arm, k1, k2, dt=DT, impedance=laws.STIFF, limits=limits)
 
 
 def run(

@@ -22,20 +22,8 @@ from rbimpedance.interaction import (
     Wall,
 )
 
-from .. import arms
-
 Array = NDArray[np.float64]
 NORMAL = np.array([1.0, -2.0, 2.0]) / 3.0
-
-
-@pytest.fixture(scope="module")
-def arm() -> rbi.ArmModel:
-    return arms.spinner()
-
-
-@pytest.fixture
-def q(arm: rbi.ArmModel, rng: np.random.Generator) -> Array:
-    return arm.random_configuration(rng)
 
 
 def kinematics(arm: rbi.ArmModel, q: Array, v: Array, frame: str) -> tuple[Array, Array]:

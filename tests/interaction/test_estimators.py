@@ -11,11 +11,21 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 import rbimpedance as rbi
-from rbimpedance.interaction import Chain, Delay, Interaction, JointTorque, LowPass, Push, Sensor
+from rbimpedance.interaction import (
+    Chain,
+    Delay,
+    Interaction,
+    JointTorque,
+    LowPass,
+    Perfect,
+    Push,
+    Sensor,
+)
 from rbimpedance.interaction.estimators import MomentumObserver, SuperTwistingMomentumObserver
 from rbimpedance.simulation.replay import replay_sensor
 from rbimpedance.trajectories import cosine, hold
 
+from .. import laws
 from ..arms import ARMS, manipulator
 from ..oracles import two_link
 
@@ -153,13 +163,7 @@ def test_what_the_model_lacks_is_told_as_contact_and_nothing_else(
 def test_estimator_finds_a_push_in_the_closed_loop(name: str) -> None:
     arm, dt = manipulator(), 1e-3
     estimator = ESTIMATORS[name](arm, dt)
-    controller = rbi.ImpedanceController(
-        arm,
-        rbi.Impedance(1.0, 10.0, 20.0),
-        rbi.FastTerminalSurface(2.0, 3.0, 0.6),
-        rbi.SuperTwisting(15.0, 50.0),
-        dt,
-    )
+    controller = laws.controller(arm, 15.0, 50.0, dt=dt)
     torque = np.linspace(-1.0, 2.0, 6)
     result = rbi.simulate(
         controller,
@@ -195,18 +199,12 @@ def test_sense_tells_what_the_controller_was_told() -> None:
     arm, dt = manipulator(), 2e-3
     told: list[Array] = []
 
-    class Spy:
+    class Spy(Perfect):
         """Lets the torque pass, and keeps it."""
 
-        def init(self) -> None:
-            return None
-
-        def step(
-            self, state: None, q: Array, v: Array, tau: Array, tau_ext: Array
-        ) -> tuple[Array, None]:
-            del state, q, v, tau
-            told.append(tau_ext.copy())
-            return tau_ext, None
+        def step(self, state: None, *measured: Any) -> tuple[Array, None]:
+            told.append(measured[-1].copy())
+            return super().step(state, *measured)
 
     sensor = Chain(momentum(arm, dt), Delay(2), LowPass(30.0, dt))
     push = Push([5.0, -3.0, 8.0, 0.5, 0.2, -0.3], 0.2, 0.6)

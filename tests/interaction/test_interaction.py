@@ -14,20 +14,8 @@ from numpy.typing import NDArray
 import rbimpedance as rbi
 from rbimpedance.interaction import FrameWrench, Interaction, JointTorque, as_interaction
 
-from .. import arms
-
 Array = NDArray[np.float64]
 WRENCH = np.array([1.0, -2.0, 3.0, 0.4, 0.5, -0.6])
-
-
-@pytest.fixture(scope="module")
-def arm() -> rbi.ArmModel:
-    return arms.spinner()
-
-
-@pytest.fixture
-def q(arm: rbi.ArmModel, rng: np.random.Generator) -> Array:
-    return arm.random_configuration(rng)
 
 
 def work(arm: rbi.ArmModel, q: Array, frame: str, axes: pin.ReferenceFrame) -> Array:

@@ -15,6 +15,8 @@ from rbimpedance.interaction import Chain, Delay, JointTorque, LowPass, Perfect,
 from rbimpedance.simulation.replay import replay_sensor
 from rbimpedance.trajectories import hold
 
+from .. import laws
+
 Array = NDArray[np.float64]
 DT = 1e-3
 
@@ -82,13 +84,7 @@ def step_torque(t: float) -> list[float]:
 
 def simulate(sensor: Sensor[Any] | None) -> rbi.SimulationResult:
     arm = rbi.load_robot("two_link")
-    controller = rbi.ImpedanceController(
-        arm,
-        rbi.Impedance(1.0, 10.0, 20.0),
-        rbi.FastTerminalSurface(2.0, 3.0, 0.6),
-        rbi.SuperTwisting(8.0, 10.0),
-        DT,
-    )
+    controller = laws.controller(arm, dt=DT)
     return rbi.simulate(
         controller,
         arm,

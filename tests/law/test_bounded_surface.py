@@ -11,6 +11,7 @@ import rbimpedance as rbi
 from rbimpedance.law.surfaces import Surface
 from rbimpedance.trajectories import hold
 
+from .. import laws
 from ..arms import manipulator
 
 FAST = rbi.FastTerminalSurface(2.0, 3.0, 0.6)
@@ -73,13 +74,7 @@ def test_arm_far_away_comes_at_the_bounded_speed_and_settles() -> None:
     arm = manipulator()
     speeds, flags = {}, {}
     for name, surface in (("free", FAST), ("bounded", rbi.BoundedSurface(FAST, E))):
-        controller = rbi.ImpedanceController(
-            arm,
-            rbi.Impedance(1.0, 10.0, 20.0),
-            surface,
-            rbi.SuperTwisting(15.0, 50.0),
-            1e-3,
-        )
+        controller = laws.controller(arm, 15.0, 50.0, surface=surface)
         start = arm.integrate(arm.neutral, np.full(arm.nv, 1.2))
         trajectory = hold(arm, arm.neutral)
         result = rbi.simulate(

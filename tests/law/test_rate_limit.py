@@ -14,6 +14,8 @@ from rbimpedance.law.limits import Limits
 from rbimpedance.law.super_twisting import Scheme
 from rbimpedance.simulation.scenarios import paper
 
+from ..laws import with_law
+
 Array = NDArray[np.float64]
 
 DT = 1e-3
@@ -22,17 +24,8 @@ EACH_SCHEME = pytest.mark.parametrize("scheme", ["explicit", "matched", "implici
 
 def _run(limits: Limits | None, *, scheme: Scheme = "matched") -> rbi.SimulationResult:
     scenario = paper(known="inertia", surface="fast-terminal", scheme=scheme, duration=2.5)
-    old = scenario.controller
-    assert isinstance(old, rbi.ImpedanceController)
-    controller = rbi.ImpedanceController(
-        old.arm,
-        old.impedance,
-        old.surface,
-        rbi.SuperTwisting(16.0, 40.0, scheme=scheme),
-        old.dt,
-        model="inertia",
-        limits=limits,
-    )
+    law = rbi.SuperTwisting(16.0, 40.0, scheme=scheme)
+    controller = with_law(scenario.controller, law, limits=limits)
     return replace(scenario, controller=controller).simulate()
 
 
@@ -44,16 +37,7 @@ def _largest_rate(result: rbi.SimulationResult) -> Array:
 def _push_step(limits: Limits) -> tuple[rbi.ControllerOutput, rbi.ControllerOutput, Array]:
     """Two ticks of a controller; before the second, 30 N·m appear on the first joint. And M there."""
     scenario = paper(known="full", surface="fast-terminal", scheme="matched", duration=1.0)
-    old = scenario.controller
-    assert isinstance(old, rbi.ImpedanceController)
-    controller = rbi.ImpedanceController(
-        old.arm,
-        old.impedance,
-        old.surface,
-        rbi.SuperTwisting(16.0, 40.0),
-        DT,
-        limits=limits,
-    )
+    controller = with_law(scenario.controller, rbi.SuperTwisting(16.0, 40.0), limits=limits)
     q, still = np.array([0.3, -0.4]), np.zeros(2)
     reference = rbi.Reference(q, still, still)
     first, state = controller.step(controller.init(), q, still, reference, still)

@@ -15,6 +15,8 @@ from rbimpedance.law.limits import Limits, as_limits
 from rbimpedance.law.super_twisting import ReachingState, Scheme
 from rbimpedance.simulation.scenarios import Scenario, paper
 
+from ..laws import with_law
+
 Array = NDArray[np.float64]
 
 K1, K2 = 16.0, 40.0
@@ -41,17 +43,7 @@ def _scenario(
     law: type[rbi.SuperTwisting] = rbi.SuperTwisting,
 ) -> Scenario:
     scenario = paper(known=known, surface="fast-terminal", scheme=scheme, duration=duration)
-    old = scenario.controller
-    assert isinstance(old, rbi.ImpedanceController)
-    controller = rbi.ImpedanceController(
-        old.arm,
-        old.impedance,
-        old.surface,
-        law(K1, K2, scheme=scheme),
-        old.dt,
-        model=known,
-        limits=limits,
-    )
+    controller = with_law(scenario.controller, law(K1, K2, scheme=scheme), limits=limits)
     return replace(scenario, controller=controller)
 
 

@@ -14,6 +14,7 @@ import rbimpedance as rbi
 from rbimpedance.law.impedance_changes import blend, check_variation
 from rbimpedance.trajectories import Reference
 
+from .. import laws
 from ..arms import manipulator
 
 Array = NDArray[np.float64]
@@ -113,14 +114,7 @@ def test_unusable_sequence_is_refused() -> None:
 
 @pytest.fixture
 def controller() -> rbi.ImpedanceController:
-    return rbi.ImpedanceController(
-        manipulator(),
-        rbi.Impedance(1.0, 10.0, 20.0),
-        rbi.FastTerminalSurface(2.0, 3.0, 0.6),
-        rbi.SuperTwisting(15.0, 50.0),
-        1e-3,
-        limits=500.0,
-    )
+    return laws.controller(manipulator(), 15.0, 50.0, limits=500.0)
 
 
 def pressed(controller: rbi.ImpedanceController) -> tuple[rbi.ControllerState, tuple[Array, ...]]:

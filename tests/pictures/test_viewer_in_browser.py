@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -148,6 +149,16 @@ def test_run_plays_by_itself_and_the_button_pauses_it(run_page: Browser) -> None
     run_page.wait_for(f"player.time !== {stopped}")
 
 
+def seconds_per_second(page: Browser, start: str, until: float) -> Any:
+    """Seconds of the run that pass in one of the clock, after a start by some code."""
+    return page.run(
+        f"(async () => {{ player.seek(0); const start = performance.now(); {start}"
+        f"while (player.time < {until}) await new Promise(done => setTimeout(done, 20));"
+        "player.pause();"
+        "return player.time / (performance.now() - start) * 1000 })()"
+    )
+
+
 @pytest.mark.slow
 def test_speed_slows_the_run_down(run_page: Browser) -> None:
     run_page.run("player.pause()")
@@ -155,24 +166,15 @@ def test_speed_slows_the_run_down(run_page: Browser) -> None:
         "(() => { const speed = document.getElementById('speed'); speed.value = '0.1';"
         "speed.dispatchEvent(new Event('change')) })()"
     )
-    covered = run_page.run(
-        "(async () => { player.seek(0); const start = performance.now(); player.play();"
-        "while (player.time < 0.02) await new Promise(done => setTimeout(done, 20));"
-        "player.pause();"
-        "return player.time / (performance.now() - start) * 1000 })()"
-    )
+    covered = seconds_per_second(run_page, "player.play();", until=0.02)
     assert 0.0 < covered <= 0.1
 
 
 @pytest.mark.slow
 def test_playing_again_before_the_next_frame_does_not_double_the_speed(run_page: Browser) -> None:
     run_page.run("player.pause()")
-    covered = run_page.run(
-        "(async () => { player.seek(0); const start = performance.now();"
-        "player.play(); player.pause(); player.play(); player.pause(); player.play();"
-        "while (player.time < 0.6) await new Promise(done => setTimeout(done, 20));"
-        "player.pause();"
-        "return player.time / (performance.now() - start) * 1000 })()"
+    covered = seconds_per_second(
+        run_page, "player.play(); player.pause();" * 2 + "player.play();", until=0.6
     )
     assert 0.0 < covered <= 1.0
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +16,7 @@ from rbimpedance.robot.loading.urdf_appearance import find_mesh
 from rbimpedance.robot.loading.urdf_reader import parse_urdf
 
 from ..arms import spinner_urdf, urdf
+from ..isolation import fresh_python
 
 MESH = '<visual><geometry><mesh filename="{}"/></geometry>{}</visual>'
 
@@ -133,7 +132,7 @@ def test_loading_a_robot_does_not_load_what_draws_it() -> None:
     code = (
         "import sys, rbimpedance as rbi; rbi.load_robot('panda'); print('yourdfpy' in sys.modules)"
     )
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    out = fresh_python(code)
     assert out.stdout == "False\n"
 
 

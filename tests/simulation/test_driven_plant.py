@@ -16,6 +16,7 @@ from rbimpedance.interaction.wrenches import Nothing
 from rbimpedance.simulation.checkpoint import Checkpoint
 from rbimpedance.simulation.plants import DrivenPlant, DrivenState, Plant, RigidPlant
 
+from .. import laws
 from ..arms import follower, manipulator, pendulum, spinner
 
 M, B, K, D = 0.5, 0.2, 800.0, 0.6  # of `pendulum()` (m·l²), and of a drive on it
@@ -192,11 +193,10 @@ def test_cogging_takes_no_energy() -> None:
 
 
 def law(arm: rbi.ArmModel) -> rbi.ImpedanceController:
-    return rbi.ImpedanceController(
+    return laws.controller(
         arm,
-        rbi.Impedance(1.0, 10.0, 20.0),
-        rbi.FastTerminalSurface(2.0, 1.0, 0.6, smoothing=0.1),
-        rbi.SuperTwisting(5.0, 10.0, margin=20.0),
+        surface=rbi.FastTerminalSurface(2.0, 1.0, 0.6, smoothing=0.1),
+        reaching=rbi.SuperTwisting(5.0, 10.0, margin=20.0),
         dt=2e-3,
     )
 

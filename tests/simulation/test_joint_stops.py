@@ -14,7 +14,7 @@ from rbimpedance._common.arrays import Array
 from rbimpedance.simulation.joint_stops import JointStops
 from rbimpedance.trajectories import hold
 
-from .. import arms
+from .. import arms, laws
 
 
 class Idle:
@@ -22,13 +22,7 @@ class Idle:
 
     def __init__(self, arm: rbi.ArmModel, torque: float = 0.0, dt: float = 1e-3) -> None:
         self.arm, self.dt, self.torque = arm, dt, np.full(arm.nv, torque)
-        self._inner = rbi.ImpedanceController(
-            arm,
-            rbi.Impedance(1.0, 10.0, 20.0),
-            rbi.FastTerminalSurface(2.0, 3.0, 0.6),
-            rbi.SuperTwisting(8.0, 10.0),
-            dt,
-        )
+        self._inner = laws.controller(arm, dt=dt)
 
     def init(self) -> Any:
         return self._inner.init()

@@ -20,6 +20,7 @@ from rbimpedance.robot.description import Description
 from rbimpedance.simulation.plants import EngineAgreement, Motion, Plant
 from rbimpedance.simulation.plants.mujoco_plant import MujocoState
 
+from .. import laws
 from ..arms import LIMIT, mimic_urdf, spinner_urdf, urdf, urdf_joint, urdf_link
 
 mujoco = pytest.importorskip("mujoco")
@@ -330,13 +331,7 @@ def two_link_run(kill_at: int | None = None, **more: Any) -> rbi.SimulationResul
         if done == kill_at:
             raise Killed
 
-    controller = rbi.ImpedanceController(
-        arm,
-        rbi.Impedance(1.0, 10.0, 20.0),
-        rbi.FastTerminalSurface(rate=2.0, gamma=3.0, exponent=0.6),
-        rbi.SuperTwisting(15.0, 40.0),
-        dt=1e-3,
-    )
+    controller = laws.controller(arm, 15.0, 40.0)
     plant = arm.with_payload(0.3)
     return rbi.simulate(
         controller,

@@ -18,7 +18,7 @@ from rbimpedance.control import telemetry
 from rbimpedance.control.telemetry import FLAGS
 from rbimpedance.trajectories import hold
 
-from .. import arms
+from .. import arms, laws
 
 Array = NDArray[np.float64]
 REALS = ("t", "q", "v", "q_r", "e1", "e2", "e_im", "s", "tau", "tau_ext")
@@ -43,11 +43,10 @@ TAU = [[0.0, 1.0], [2.0, 1.0], [-1.0, 1.0], [-1.5, 1.0]]
 def run() -> rbi.SimulationResult:
     """A short run of a real loop."""
     arm = arms.spinner()
-    controller = rbi.ImpedanceController(
+    controller = laws.controller(
         arm,
-        rbi.Impedance(1.0, 10.0, 20.0),
-        rbi.PowerSurface(3.0, 5.0 / 3.0),
-        rbi.SuperTwisting(8.0, [10.0, 11.0, 12.0]),
+        surface=rbi.PowerSurface(3.0, 5.0 / 3.0),
+        reaching=rbi.SuperTwisting(8.0, [10.0, 11.0, 12.0]),
         dt=0.01,
     )
     return rbi.simulate(
@@ -313,13 +312,7 @@ def test_missing_file_is_said_to_be_missing(tmp_path: Path) -> None:
 
 def pushed(wrench: Any, duration: float = 0.05) -> rbi.SimulationResult:
     arm = arms.spinner()
-    controller = rbi.ImpedanceController(
-        arm,
-        rbi.Impedance(1.0, 10.0, 20.0),
-        rbi.PowerSurface(3.0, 5.0 / 3.0),
-        rbi.SuperTwisting(8.0, 10.0),
-        dt=0.005,
-    )
+    controller = laws.controller(arm, surface=rbi.PowerSurface(3.0, 5.0 / 3.0), dt=0.005)
     return rbi.simulate(controller, arm, hold(arm), environment=wrench, duration=duration)
 
 

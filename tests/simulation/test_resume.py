@@ -20,6 +20,7 @@ from rbimpedance.control.snapshot import SnapshotError
 from rbimpedance.interaction.estimators import MomentumObserver
 from rbimpedance.simulation.checkpoint import Checkpoint
 
+from .. import laws
 from ..arms import spinner
 from ..command_line import call
 
@@ -47,11 +48,9 @@ def simulated(
 ) -> rbi.SimulationResult:
     """A run of an arm with a continuous joint, an implicit scheme, limits and a payload."""
     arm = spinner()
-    controller = rbi.ImpedanceController(
+    controller = laws.controller(
         arm,
-        rbi.Impedance(1.0, 10.0, 20.0),
-        rbi.FastTerminalSurface(2.0, 3.0, 0.6),
-        rbi.SuperTwisting(8.0, [10.0, 11.0, 12.0], more.pop("scheme", "implicit")),
+        reaching=rbi.SuperTwisting(8.0, [10.0, 11.0, 12.0], more.pop("scheme", "implicit")),
         dt=2e-3,
         limits=rbi.Limits(60.0, 2000.0),
         backend=more.pop("backend", "pinocchio"),
@@ -208,14 +207,7 @@ def test_filter_and_integrator_do_not_drift() -> None:
     """Ten minutes of a motion of 6 s: looked at once a minute, everything is where it was. A day of it is measured by
     benchmarks/control/reliability."""
     arm = rbi.load_robot("two_link")
-    controller = rbi.ImpedanceController(
-        arm,
-        rbi.Impedance(1.0, 10.0, 20.0),
-        rbi.FastTerminalSurface(2.0, 3.0, 0.6),
-        rbi.SuperTwisting(15.0, 40.0),
-        1e-3,
-        backend="compiled",
-    )
+    controller = laws.controller(arm, 15.0, 40.0, backend="compiled")
     found = rbi.simulate_batch(
         [controller],
         arm.with_payload(0.3),

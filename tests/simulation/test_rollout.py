@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from functools import partial
 from typing import Any
 
@@ -21,19 +19,12 @@ from rbimpedance.simulation import run as single
 from rbimpedance.trajectories import SampledTrajectory, cosine, hold, samples, waypoints
 
 from .. import arms
+from ..isolation import fresh_python
+from ..laws import smooth as build
 
 Array = NDArray[np.float64]
 FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
 CHANNELS = ("t", *closed_loop.LOGGED)
-
-
-def build(arm: rbi.ArmModel, dt: float = 1e-3, **changes: Any) -> rbi.ImpedanceController:
-    parts: dict[str, Any] = {
-        "impedance": rbi.Impedance(mass=1.0, damping=10.0, stiffness=20.0),
-        "surface": rbi.FastTerminalSurface(rate=2.0, gamma=3.0, exponent=0.6, smoothing=1e-3),
-        "reaching": rbi.SuperTwisting(k1=8.0, k2=10.0, scheme="matched"),
-    }
-    return rbi.ImpedanceController(arm, **(parts | changes), dt=dt)
 
 
 def load(name: str) -> rbi.ArmModel:
@@ -354,7 +345,7 @@ def test_the_specification_runs_without_compiled_code() -> None:
         "batch = rbi.simulate_batch(c, arm, hold, duration=0.01)\n"
         "print(len(batch))"
     )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    run = fresh_python(code)
     assert run.stdout.strip() == "1"
     assert not run.stderr
 
@@ -370,5 +361,5 @@ def test_default_run_does_not_compile_the_rollout() -> None:
         "loop = sys.modules.get('rbimpedance.simulation.compiled.loop')\n"
         "print(loop is not None and bool(loop._ROLLOUT))"
     )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    run = fresh_python(code)
     assert run.stdout.strip() == "False"

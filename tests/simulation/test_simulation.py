@@ -17,20 +17,12 @@ import rbimpedance as rbi
 from rbimpedance.trajectories import cosine, hold
 
 from .. import arms
+from ..laws import smooth as build
 
 Array = NDArray[np.float64]
 Integrator = Literal["semi-implicit", "rk4"]
 CHANNELS = ("t", "q", "v", "q_r", "e1", "e2", "e_im", "s", "tau", "tau_ext")
 INERTIA = 0.5  # of arms.pendulum() about its pivot [kg·m²]
-
-
-def build(arm: rbi.ArmModel, dt: float = 1e-3, **changes: Any) -> rbi.ImpedanceController:
-    parts: dict[str, Any] = {
-        "impedance": rbi.Impedance(mass=1.0, damping=10.0, stiffness=20.0),
-        "surface": rbi.FastTerminalSurface(rate=2.0, gamma=3.0, exponent=0.6, smoothing=1e-3),
-        "reaching": rbi.SuperTwisting(k1=8.0, k2=10.0, scheme="matched"),
-    }
-    return rbi.ImpedanceController(arm, **(parts | changes), dt=dt)
 
 
 class Motor:

@@ -12,6 +12,8 @@ from rbimpedance._common.arrays import Array
 from rbimpedance.control.telemetry import CHANNELS
 from rbimpedance.trajectories import cosine, hold
 
+from .. import laws
+
 T = np.linspace(0.0, 8.0, 801)
 LIMITS = {
     "lower": [-1.0, None],
@@ -111,13 +113,7 @@ def test_growth_is_that_of_the_last_quarter() -> None:
 
 
 def controller(arm: rbi.ArmModel, k1: float, k2: float) -> rbi.ImpedanceController:
-    return rbi.ImpedanceController(
-        arm,
-        rbi.Impedance(1.0, 10.0, 20.0),
-        rbi.FastTerminalSurface(2.0, 3.0, 0.6),
-        rbi.SuperTwisting(k1, k2),
-        1e-3,
-    )
+    return laws.controller(arm, k1, k2)
 
 
 @pytest.fixture(scope="module")

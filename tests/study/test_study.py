@@ -31,6 +31,7 @@ from rbimpedance.study.table import as_table
 
 from ..arms import spinner
 from ..command_line import call
+from ..isolation import fresh_python
 from ..studies import (
     CONTROLLERS,
     SMALL,
@@ -469,5 +470,5 @@ def test_study_of_a_module_is_found_by_its_name() -> None:
 @pytest.mark.slow
 def test_command_line_loads_neither_dask_nor_pyarrow() -> None:
     code = "import sys, rbimpedance.cli.app; print({'dask', 'distributed', 'pyarrow'} & set(sys.modules))"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    run = fresh_python(code)
     assert run.stdout.strip() == "set()"

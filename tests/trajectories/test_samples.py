@@ -22,7 +22,7 @@ from rbimpedance.trajectories import (
     waypoints,
 )
 
-from .. import arms
+from .. import arms, laws
 
 
 @pytest.fixture(scope="module")
@@ -250,13 +250,7 @@ BACKENDS: tuple[Backend, ...] = ("pinocchio", "compiled")
 
 
 def test_run_follows_samples_on_both_backends(arm: rbi.ArmModel) -> None:
-    controller = rbi.ImpedanceController(
-        arm,
-        rbi.Impedance(1.0, 10.0, 20.0),
-        rbi.FastTerminalSurface(2.0, 3.0, 0.6),
-        rbi.SuperTwisting(8.0, 10.0),
-        1e-3,
-    )
+    controller = laws.controller(arm)
     trajectory = samples(arm, *planner(11, duration=0.4)[:2])
     runs = [
         rbi.simulate(
