@@ -1,13 +1,14 @@
 """Every error that the library raises on purpose; all descend from `RBImpedanceError`.
 
-Messages are built in ``__str__`` from the data that the error carries, so that errors survive pickling
-(worker processes) with their attributes.
+Messages are built in ``__str__`` from the fields of the error, so that errors survive pickling (worker processes)
+with their attributes.
 """
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 _MOST_NAMES = 12
@@ -16,11 +17,16 @@ _MOST_NAMES = 12
 class RBImpedanceError(Exception):
     """Base of all errors of this library."""
 
+    def __post_init__(self) -> None:
+        """Let the error be pickled with its fields, however they were given."""
+        self.args = tuple(vars(self).values())
+
 
 class ModelError(RBImpedanceError, ValueError):
     """A robot description cannot become a sound model; the message says which element and what would be right."""
 
 
+@dataclass(eq=False, repr=False)
 class UnsupportedJointError(ModelError):
     """Joints of a kind that the controller cannot drive (floating, planar, spherical, ...).
 
@@ -29,10 +35,13 @@ class UnsupportedJointError(ModelError):
         reason: What is wrong with them and the remedy.
     """
 
-    def __init__(self, joints: Sequence[str], reason: str) -> None:
-        self.joints = tuple(joints)
-        self.reason = reason
-        super().__init__(self.joints, reason)
+    joints: Sequence[str]
+    reason: str
+
+    def __post_init__(self) -> None:
+        """Keep a tuple, whatever sequence is given."""
+        self.joints = tuple(self.joints)
+        super().__post_init__()
 
     def __str__(self) -> str:
         names = ", ".join(f"'{name}'" for name in self.joints[:_MOST_NAMES])
@@ -41,6 +50,7 @@ class UnsupportedJointError(ModelError):
         return f"unsupported joint {names}: {self.reason}"
 
 
+@dataclass(eq=False, repr=False)
 class ParameterError(RBImpedanceError, ValueError):
     """A gain or setting lies outside its admissible set.
 
@@ -50,11 +60,9 @@ class ParameterError(RBImpedanceError, ValueError):
         admissible: What would be right, in words.
     """
 
-    def __init__(self, name: str, value: object, admissible: str) -> None:
-        self.name = name
-        self.value = value
-        self.admissible = admissible
-        super().__init__(name, value, admissible)
+    name: str
+    value: object
+    admissible: str
 
     def __str__(self) -> str:
         return f"{self.name} must be {self.admissible}, got {self.value!r}"
@@ -64,6 +72,7 @@ class InputError(RBImpedanceError, ValueError):
     """A value handed over at run time (configuration, velocity, wrench, ...) cannot be used."""
 
 
+@dataclass(eq=False, repr=False)
 class DimensionError(InputError):
     """An array has the wrong shape or kind.
 
@@ -73,16 +82,15 @@ class DimensionError(InputError):
         actual: What was given, in words.
     """
 
-    def __init__(self, name: str, expected: str, actual: str) -> None:
-        self.name = name
-        self.expected = expected
-        self.actual = actual
-        super().__init__(name, expected, actual)
+    name: str
+    expected: str
+    actual: str
 
     def __str__(self) -> str:
         return f"{self.name} must be {self.expected}, got {self.actual}"
 
 
+@dataclass(eq=False, repr=False)
 class NonFiniteError(InputError):
     """An array holds NaN or infinity.
 
@@ -91,16 +99,20 @@ class NonFiniteError(InputError):
         index: Indices of the offending entries.
     """
 
-    def __init__(self, name: str, index: Sequence[int]) -> None:
-        self.name = name
-        self.index = tuple(index)
-        super().__init__(name, self.index)
+    name: str
+    index: Sequence[int]
+
+    def __post_init__(self) -> None:
+        """Keep a tuple, whatever sequence is given."""
+        self.index = tuple(self.index)
+        super().__post_init__()
 
     def __str__(self) -> str:
         where = ", ".join(str(i) for i in self.index)
         return f"{self.name} must be finite; entry {where} is NaN or infinite"
 
 
+@dataclass(eq=False, repr=False)
 class JointLimitError(InputError):
     """A desired position lies outside the limits of a joint.
 
@@ -111,12 +123,10 @@ class JointLimitError(InputError):
         limits: Its lower and upper position limit [rad or m].
     """
 
-    def __init__(self, name: str, joint: str, value: float, limits: tuple[float, float]) -> None:
-        self.name = name
-        self.joint = joint
-        self.value = value
-        self.limits = limits
-        super().__init__(name, joint, value, limits)
+    name: str
+    joint: str
+    value: float
+    limits: tuple[float, float]
 
     def __str__(self) -> str:
         lower, upper = self.limits
@@ -130,6 +140,7 @@ class VelocityLimitWarning(UserWarning):
     """A desired motion is faster than a joint's velocity limit."""
 
 
+@dataclass(eq=False, repr=False)
 class DivergenceError(RBImpedanceError, ArithmeticError):
     """A simulation left every sensible range.
 
@@ -139,11 +150,9 @@ class DivergenceError(RBImpedanceError, ArithmeticError):
         result: The `SimulationResult` up to that time.
     """
 
-    def __init__(self, time: float, joint: str, result: Any) -> None:
-        self.time = time
-        self.joint = joint
-        self.result = result
-        super().__init__(time, joint, result)
+    time: float
+    joint: str
+    result: Any
 
     def __str__(self) -> str:
         return (
@@ -153,6 +162,7 @@ class DivergenceError(RBImpedanceError, ArithmeticError):
         )
 
 
+@dataclass(eq=False, repr=False)
 class MissingExtraError(RBImpedanceError, ImportError):
     """An optional dependency is not installed.
 
@@ -161,10 +171,8 @@ class MissingExtraError(RBImpedanceError, ImportError):
         extra: Name of the optional extra that brings it.
     """
 
-    def __init__(self, feature: str, extra: str) -> None:
-        self.feature = feature
-        self.extra = extra
-        super().__init__(feature, extra)
+    feature: str
+    extra: str
 
     def __str__(self) -> str:
         return (

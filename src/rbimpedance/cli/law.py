@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -16,6 +17,8 @@ from .options import KnowledgeOptions, numbers, option
 from .task_options import Task
 from .terminal import progress
 
+_gains = partial(option, "Gains")
+
 TUNING_TIME = 5.0
 """Least length of the motion that gains are tuned for, however short the run is [s]."""
 
@@ -25,29 +28,16 @@ class LawOptions(KnowledgeOptions):
     """Gains, surface and scheme; without gains they are tuned."""
 
     gains: Annotated[
-        Path | None,
-        option("--gains", "Gains that tune wrote, with their surface and dt.", "Gains", "FILE"),
+        Path | None, _gains("Gains that tune wrote, with their surface and dt.", "FILE")
     ] = None
-    k1: Annotated[
-        str | None, option("--k1", "Gain k1, with --k2. Default: tuned.", "Gains", "K[,K..]")
-    ] = None
-    k2: Annotated[
-        str | None, option("--k2", "Gain k2, with --k1. Default: tuned.", "Gains", "K[,K..]")
-    ] = None
+    k1: Annotated[str | None, _gains("Gain k1, with --k2. Default: tuned.", "K[,K..]")] = None
+    k2: Annotated[str | None, _gains("Gain k2, with --k1. Default: tuned.", "K[,K..]")] = None
     surface: Annotated[
         SurfaceName | None,
-        option(
-            "--surface",
-            "With k1, k2: power, fast-terminal (default) or nonsingular-terminal.",
-            "Gains",
-            "NAME",
-        ),
+        _gains("With k1, k2: power, fast-terminal (default) or nonsingular-terminal.", "NAME"),
     ] = None
     scheme: Annotated[
-        Scheme | None,
-        option(
-            "--scheme", "With k1, k2: explicit, matched (default) or implicit.", "Gains", "NAME"
-        ),
+        Scheme | None, _gains("With k1, k2: explicit, matched (default) or implicit.", "NAME")
     ] = None
 
     def controller(self, task: Task) -> tuple[ImpedanceController, str] | None:

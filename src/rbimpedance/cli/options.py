@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -22,9 +23,16 @@ from ..simulation.scenarios import SurfaceName
 from .terminal import stderr
 
 
-def option(name: str, words: str, panel: str, metavar: str | None = None) -> Any:
-    """Return an option in a panel of the help; choices stand in its words, since a list of them breaks within words."""
-    return typer.Option(name, help=words, rich_help_panel=panel, metavar=metavar)
+def option(panel: str, words: str, metavar: str | None = None, name: str | None = None) -> Any:
+    """Return an option in a panel of the help, named after its field unless a name is given.
+
+    Choices stand in its words, since a list of them breaks within words.
+    """
+    names = () if name is None else (name,)
+    return typer.Option(*names, help=words, rich_help_panel=panel, metavar=metavar)
+
+
+_robot = partial(option, "Robot")
 
 
 Robot = Annotated[
@@ -77,32 +85,19 @@ class DescriptionOptions:
     """How a robot's description is read."""
 
     joints: Annotated[
-        list[str] | None,
-        option(
-            "--joints", "Control these alone, and freeze the others; repeatable.", "Robot", "NAME"
-        ),
+        list[str] | None, _robot("Control these alone, and freeze the others; repeatable.", "NAME")
     ] = None
-    lock: Annotated[
-        list[str] | None,
-        option("--lock", "Freeze a joint; repeatable.", "Robot", "NAME"),
-    ] = None
-    tool_frame: Annotated[
-        str | None,
-        option("--tool-frame", "Default: the deepest leaf.", "Robot", "NAME"),
-    ] = None
+    lock: Annotated[list[str] | None, _robot("Freeze a joint; repeatable.", "NAME")] = None
+    tool_frame: Annotated[str | None, _robot("Default: the deepest leaf.", "NAME")] = None
     package_dir: Annotated[
-        list[Path] | None,
-        option("--package-dir", "Where package:// resolves; repeatable.", "Robot", "DIR"),
+        list[Path] | None, _robot("Where package:// resolves; repeatable.", "DIR")
     ] = None
     xacro_arg: Annotated[
-        list[str] | None,
-        option("--xacro-arg", "Argument of a xacro file; repeatable.", "Robot", "N:=V"),
+        list[str] | None, _robot("Argument of a xacro file; repeatable.", "N:=V")
     ] = None
     repair: Annotated[
         bool,
-        option(
-            "--repair", "Repair defects of the description that have one obvious repair.", "Robot"
-        ),
+        _robot("Repair defects of the description that have one obvious repair.", name="--repair"),
     ] = False
 
     def load_for_display(self, robot: str) -> ArmModel:
@@ -126,17 +121,10 @@ class DescriptionOptions:
 class RobotOptions(DescriptionOptions):
     """The same, and what a description may leave out."""
 
-    armature: Annotated[
-        str | None,
-        option("--armature", "Reflected rotor inertia in kg m^2.", "Robot", "A[,A..]"),
-    ] = None
-    gravity: Annotated[
-        str | None,
-        option("--gravity", "In world axes in m/s^2.", "Robot", "X,Y,Z"),
-    ] = None
+    armature: Annotated[str | None, _robot("Reflected rotor inertia in kg m^2.", "A[,A..]")] = None
+    gravity: Annotated[str | None, _robot("In world axes in m/s^2.", "X,Y,Z")] = None
     massless: Annotated[
-        bool,
-        option("--massless", "Accept links without mass: no gravity is known there.", "Robot"),
+        bool, _robot("Accept links without mass: no gravity is known there.", name="--massless")
     ] = False
 
     def load(self, robot: str) -> ArmModel:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -27,6 +28,8 @@ from .run_tables import result_figures, result_table
 from .task_options import MotionOptions, TargetOptions, Task, UnknownOptions
 from .terminal import print_json, print_table, stdout
 
+_simulation = partial(option, "Simulation")
+
 _FIGURES = {
     "errors": "tracking_errors",
     "impedance_error": "impedance_error",
@@ -40,21 +43,16 @@ class PlantOptions:
 
     wrench: Annotated[
         str | None,
-        option(
-            "--wrench",
-            "Force on the tool in world axes in N, and a moment in N m: ..,MX,MY,MZ.",
-            "Simulation",
-            "FX,FY,FZ",
+        _simulation(
+            "Force on the tool in world axes in N, and a moment in N m: ..,MX,MY,MZ.", "FX,FY,FZ"
         ),
     ] = None
-    substeps: Annotated[
-        int, option("--substeps", "Physics steps per period.", "Simulation", "N")
-    ] = 4
-    integrator: Annotated[
-        Integrator, option("--integrator", "semi-implicit or rk4.", "Simulation", "NAME")
-    ] = "semi-implicit"
+    substeps: Annotated[int, _simulation("Physics steps per period.", "N")] = 4
+    integrator: Annotated[Integrator, _simulation("semi-implicit or rk4.", "NAME")] = (
+        "semi-implicit"
+    )
     no_stops: Annotated[
-        bool, option("--no-stops", "Leave out the stops at the joints' limits.", "Simulation")
+        bool, _simulation("Leave out the stops at the joints' limits.", name="--no-stops")
     ] = False
 
     def environment(self) -> FrameWrench:

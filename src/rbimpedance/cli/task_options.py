@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -18,6 +19,10 @@ from ..tuning import Uncertainty
 from ..tuning.plant_sample import PlantSample
 from .options import numbers, option
 
+_motion = partial(option, "Motion")
+_unknown = partial(option, "Unknown")
+_target = partial(option, "Target")
+
 
 @dataclass(frozen=True, kw_only=True)
 class MotionOptions:
@@ -25,34 +30,20 @@ class MotionOptions:
 
     center: Annotated[
         str | None,
-        option(
-            "--center",
-            "Of the cosine reference in rad or m. Default: the arm's ready posture.",
-            "Motion",
-            "Q[,Q..]",
+        _motion(
+            "Of the cosine reference in rad or m. Default: the arm's ready posture.", "Q[,Q..]"
         ),
     ] = None
     amplitude: Annotated[
         str | None,
-        option(
-            "--amplitude",
-            "Of it in rad or m. Default: 0.2, or what the joint's limits leave.",
-            "Motion",
-            "A[,A..]",
-        ),
+        _motion("Of it in rad or m. Default: 0.2, or what the joint's limits leave.", "A[,A..]"),
     ] = None
-    period: Annotated[float, option("--period", "Of it in s.", "Motion", "S")] = 6.0
+    period: Annotated[float, _motion("Of it in s.", "S")] = 6.0
     start: Annotated[
-        str | None,
-        option(
-            "--start",
-            "Where the arm starts. Default: where the reference does.",
-            "Motion",
-            "Q[,Q..]",
-        ),
+        str | None, _motion("Where the arm starts. Default: where the reference does.", "Q[,Q..]")
     ] = None
-    dt: Annotated[float, option("--dt", "Control period in s.", "Motion", "S")] = 1e-3
-    duration: Annotated[float, option("--duration", "Length in s.", "Motion", "S")] = 5.0
+    dt: Annotated[float, _motion("Control period in s.", "S")] = 1e-3
+    duration: Annotated[float, _motion("Length in s.", "S")] = 5.0
 
     def trajectory(self, arm: ArmModel) -> Trajectory:
         """Return the reference."""
@@ -69,63 +60,32 @@ class MotionOptions:
 class UnknownOptions:
     """What the controller does not know."""
 
-    payload: Annotated[
-        str,
-        option("--payload", "At the tool: largest, or a range.", "Unknown", "KG[,KG]"),
-    ] = "0"
-    payload_com: Annotated[
-        str,
-        option("--payload-com", "Where, in the tool's axes in m.", "Unknown", "X,Y,Z"),
-    ] = "0,0,0"
-    payload_gyration: Annotated[
-        str,
-        option("--payload-gyration", "Its radius of gyration in m.", "Unknown", "R[,R]"),
-    ] = "0"
-    inertia_scale: Annotated[
-        str,
-        option("--inertia-scale", "Factor on the links' inertia.", "Unknown", "F[,F]"),
-    ] = "1"
-    viscous: Annotated[
-        str,
-        option("--viscous", "Viscous friction in N m s/rad.", "Unknown", "D[,D]"),
-    ] = "0"
-    coulomb: Annotated[str, option("--coulomb", "Dry friction in N m.", "Unknown", "C[,C]")] = "0"
-    torque_constant: Annotated[
-        float,
-        option("--torque-constant", "Relative error of the torque.", "Unknown", "X"),
-    ] = 0.0
-    position_noise: Annotated[
-        float,
-        option("--position-noise", "Standard deviation in rad.", "Unknown", "X"),
-    ] = 0.0
-    velocity_noise: Annotated[
-        float,
-        option("--velocity-noise", "Standard deviation in rad/s.", "Unknown", "X"),
-    ] = 0.0
-    delay: Annotated[int, option("--delay", "Of the measurements in ticks.", "Unknown", "N")] = 0
-    seed: Annotated[int, option("--seed", "Of everything random.", "Unknown", "N")] = 0
+    payload: Annotated[str, _unknown("At the tool: largest, or a range.", "KG[,KG]")] = "0"
+    payload_com: Annotated[str, _unknown("Where, in the tool's axes in m.", "X,Y,Z")] = "0,0,0"
+    payload_gyration: Annotated[str, _unknown("Its radius of gyration in m.", "R[,R]")] = "0"
+    inertia_scale: Annotated[str, _unknown("Factor on the links' inertia.", "F[,F]")] = "1"
+    viscous: Annotated[str, _unknown("Viscous friction in N m s/rad.", "D[,D]")] = "0"
+    coulomb: Annotated[str, _unknown("Dry friction in N m.", "C[,C]")] = "0"
+    torque_constant: Annotated[float, _unknown("Relative error of the torque.", "X")] = 0.0
+    position_noise: Annotated[float, _unknown("Standard deviation in rad.", "X")] = 0.0
+    velocity_noise: Annotated[float, _unknown("Standard deviation in rad/s.", "X")] = 0.0
+    delay: Annotated[int, _unknown("Of the measurements in ticks.", "N")] = 0
+    seed: Annotated[int, _unknown("Of everything random.", "N")] = 0
 
     def uncertainty(self) -> Uncertainty:
         """Return the ranges."""
-        ranges = {name: numbers(option, text) for name, option, text in self._ranges()}
-        return self._with(ranges, self.torque_constant)
+        return self._with(dict(self._ranges()), self.torque_constant)
 
     def plant(self, arm: ArmModel) -> PlantSample:
         """Return the arm that is simulated: each range at the number given last."""
-        ends = {name: np.ravel(numbers(option, text))[-1] for name, option, text in self._ranges()}
         constant = 1.0 + self.torque_constant
-        ranges = {name: np.array([end, end]) for name, end in ends.items()}
+        ranges = {name: np.repeat(np.ravel(given)[-1], 2) for name, given in self._ranges()}
         (sample,) = self._with(ranges, (constant, constant)).sample(arm, 1, seed=self.seed)
         return sample
 
-    def _ranges(self) -> tuple[tuple[str, str, str], ...]:
-        return (
-            ("payload", "--payload", self.payload),
-            ("payload_gyration", "--payload-gyration", self.payload_gyration),
-            ("inertia_scale", "--inertia-scale", self.inertia_scale),
-            ("viscous", "--viscous", self.viscous),
-            ("coulomb", "--coulomb", self.coulomb),
-        )
+    def _ranges(self) -> Iterator[tuple[str, Array]]:
+        for name in ("payload", "payload_gyration", "inertia_scale", "viscous", "coulomb"):
+            yield name, numbers(f"--{name.replace('_', '-')}", getattr(self, name))
 
     def _with(self, ranges: Mapping[str, Any], torque_constant: ArrayLike) -> Uncertainty:
         return Uncertainty(
@@ -142,16 +102,14 @@ class UnknownOptions:
 class TargetOptions:
     """The impedance that the arm is to have, and the torques that it may use."""
 
-    mass: Annotated[str, option("--mass", "M_d, per joint.", "Target", "M[,M..]")] = "1"
-    damping: Annotated[str, option("--damping", "D_d, per joint.", "Target", "D[,D..]")] = "10"
-    stiffness: Annotated[str, option("--stiffness", "K_d, per joint.", "Target", "K[,K..]")] = "20"
+    mass: Annotated[str, _target("M_d, per joint.", "M[,M..]")] = "1"
+    damping: Annotated[str, _target("D_d, per joint.", "D[,D..]")] = "10"
+    stiffness: Annotated[str, _target("K_d, per joint.", "K[,K..]")] = "20"
     limits: Annotated[
         str | None,
-        option(
-            "--limits",
+        _target(
             "Torque limits to keep in N m; urdf: those of the description, the default where it "
             "has any; none: no limits.",
-            "Target",
             "T[,T..]",
         ),
     ] = None
