@@ -127,3 +127,8 @@ def given(source: object) -> Make:
 def setting(name: str, value: object) -> Callable[[pin.Model], object]:
     """Set an attribute of a model."""
     return lambda model: setattr(model, name, value)
+
+
+def entry(name: str, index: int, value: object) -> Callable[[pin.Model], object]:
+    """Set an entry of one of a model's lists."""
+    return lambda model: getattr(model, name).__setitem__(index, value)

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 import rbimpedance as rbi
 
-from .case import ARM, Case, given, of_model, of_text, setting
+from .case import ARM, Case, entry, given, of_model, of_text, setting
 
 # --- arguments --------------------------------------------------------------------------------------------------
 
@@ -162,98 +162,41 @@ def objects() -> Iterator[Case]:
             "ModelError",
             f"{name} has",
         )
-    yield of_model(
-        "model limits inverted",
-        setting("lowerPositionLimit", np.full(2, 9.0)),
-        "ModelError",
-        "above",
-    )
-    yield of_model(
-        "model gravity nan",
-        lambda m: setattr(m.gravity, "linear", np.full(3, np.nan)),
-        "ModelError",
-        "gravity",
-    )
-    yield of_model(
-        "model inertia nan",
-        lambda m: m.inertias.__setitem__(1, pin.Inertia(np.nan, np.zeros(3), np.eye(3))),
-        "ModelError",
-        "not finite",
-    )
-    yield of_model(
-        "model mass negative",
-        lambda m: m.inertias.__setitem__(1, pin.Inertia(-1.0, np.zeros(3), np.eye(3))),
-        "ModelError",
-        "negative mass",
-    )
+    for name, spoil, word in (
+        ("limits inverted", setting("lowerPositionLimit", np.full(2, 9.0)), "above"),
+        ("gravity nan", lambda m: setattr(m.gravity, "linear", np.full(3, np.nan)), "gravity"),
+        (
+            "inertia nan",
+            entry("inertias", 1, pin.Inertia(np.nan, np.zeros(3), np.eye(3))),
+            "not finite",
+        ),
+        (
+            "mass negative",
+            entry("inertias", 1, pin.Inertia(-1.0, np.zeros(3), np.eye(3))),
+            "negative mass",
+        ),
+        ("placement nan", entry("jointPlacements", 1, lost), "placement of 'shoulder'"),
+        ("frame nan", lambda m: setattr(m.frames[3], "placement", lost), "placement"),
+        (
+            "rotation scaled",
+            entry("jointPlacements", 1, pin.SE3(2 * np.eye(3), np.zeros(3))),
+            "no rotation",
+        ),
+        ("parent later", entry("parents", 1, 2), "before its parent"),
+        ("parent far", entry("parents", 2, 10**6), "before its parent"),
+        ("frame far", lambda m: setattr(m.frames[3], "parentJoint", 10**6), "does not exist"),
+        ("names twice", entry("names", 2, "shoulder"), "same name"),
+        ("joint swapped", lambda m: m.joints.__setitem__(1, m.joints[2]), "tables"),
+        ("joint unplaced", entry("joints", 1, pin.JointModelRX()), "tables"),
+        ("subtree wrong", lambda m: m.subtrees.__setitem__(1, m.subtrees[2]), "subtrees"),
+        ("support wrong", lambda m: m.supports.__setitem__(2, m.supports[0]), "supports"),
+    ):
+        yield of_model(f"model {name}", spoil, "ModelError", word)
     yield of_model(
         "model without inertia",
         lambda m: m.inertias.__setitem__(2, pin.Inertia.Zero()),
         "UnsupportedJointError",
         "have no mass",
-    )
-    yield of_model(
-        "model placement nan",
-        lambda m: m.jointPlacements.__setitem__(1, lost),
-        "ModelError",
-        "placement of 'shoulder'",
-    )
-    yield of_model(
-        "model frame nan",
-        lambda m: setattr(m.frames[3], "placement", lost),
-        "ModelError",
-        "placement",
-    )
-    yield of_model(
-        "model rotation scaled",
-        lambda m: m.jointPlacements.__setitem__(1, pin.SE3(2 * np.eye(3), np.zeros(3))),
-        "ModelError",
-        "no rotation",
-    )
-    yield of_model(
-        "model parent later",
-        lambda m: m.parents.__setitem__(1, 2),
-        "ModelError",
-        "before its parent",
-    )
-    yield of_model(
-        "model parent far",
-        lambda m: m.parents.__setitem__(2, 10**6),
-        "ModelError",
-        "before its parent",
-    )
-    yield of_model(
-        "model frame far",
-        lambda m: setattr(m.frames[3], "parentJoint", 10**6),
-        "ModelError",
-        "does not exist",
-    )
-    yield of_model(
-        "model names twice", lambda m: m.names.__setitem__(2, "shoulder"), "ModelError", "same name"
-    )
-    yield of_model(
-        "model joint swapped",
-        lambda m: m.joints.__setitem__(1, m.joints[2]),
-        "ModelError",
-        "tables",
-    )
-    yield of_model(
-        "model joint unplaced",
-        lambda m: m.joints.__setitem__(1, pin.JointModelRX()),
-        "ModelError",
-        "tables",
-    )
-    yield of_model(
-        "model subtree wrong",
-        lambda m: m.subtrees.__setitem__(1, m.subtrees[2]),
-        "ModelError",
-        "subtrees",
-    )
-    yield of_model(
-        "model support wrong",
-        lambda m: m.supports.__setitem__(2, m.supports[0]),
-        "ModelError",
-        "supports",
     )
     yield of_model("model name with an escape", setting("name", "\x1b[31m"), "sound", "")
     yield of_model(

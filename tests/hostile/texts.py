@@ -37,37 +37,20 @@ def markup() -> Iterator[Case]:
     }
     for name, head in doctypes.items():
         yield of_text(name, head + body, "ModelError", "DOCTYPE")
-    yield of_text(
-        "undeclared entity", ARM.replace('"tool"', '"&tool;"'), "ModelError", "well-formed"
-    )
-    for share in (0.1, 0.5, 0.9, 0.999):
-        yield of_text(
-            f"truncated to {share:g}", ARM[: int(share * len(ARM))], "ModelError", "well-formed"
-        )
-    yield of_text("text after the end", ARM + "x", "ModelError", "well-formed")
-    yield of_text("two roots", ARM + ARM, "ModelError", "well-formed")
-    yield of_text(
-        "attribute twice", ARM.replace("<link ", '<link name="a" ', 1), "ModelError", "well-formed"
-    )
-    yield of_text(
-        "attribute without quotes", ARM.replace('"base"', "base", 1), "ModelError", "well-formed"
-    )
-    yield of_text(
-        "tags that cross",
-        ARM.replace("</inertial></link>", "</link></inertial>", 1),
-        "ModelError",
-        "well-formed",
-    )
-    yield of_text("NUL in the text", ARM.replace("base", "ba\0se", 1), "ModelError", "well-formed")
-    yield of_text(
-        "lone surrogate", ARM.replace("base", "ba\ud800se", 1), "ModelError", "well-formed"
-    )
-    yield of_text(
-        "reference to NUL", ARM.replace("base", "ba&#0;se", 1), "ModelError", "well-formed"
-    )
-    yield of_text(
-        "escape in a tag", ARM.replace("<axis", "<\x1b[31maxis", 1), "ModelError", "well-formed"
-    )
+    ill_formed = {
+        "undeclared entity": ARM.replace('"tool"', '"&tool;"'),
+        "text after the end": ARM + "x",
+        "two roots": ARM + ARM,
+        "attribute twice": ARM.replace("<link ", '<link name="a" ', 1),
+        "attribute without quotes": ARM.replace('"base"', "base", 1),
+        "tags that cross": ARM.replace("</inertial></link>", "</link></inertial>", 1),
+        "NUL in the text": ARM.replace("base", "ba\0se", 1),
+        "lone surrogate": ARM.replace("base", "ba\ud800se", 1),
+        "reference to NUL": ARM.replace("base", "ba&#0;se", 1),
+        "escape in a tag": ARM.replace("<axis", "<\x1b[31maxis", 1),
+    } | {f"truncated to {x:g}": ARM[: int(x * len(ARM))] for x in (0.1, 0.5, 0.9, 0.999)}
+    for name, text in ill_formed.items():
+        yield of_text(name, text, "ModelError", "well-formed")
     yield of_text(
         "deep nesting",
         ARM.replace("</link>", "<a>" * 100 + "</a>" * 100 + "</link>", 1),
