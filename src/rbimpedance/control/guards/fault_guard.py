@@ -17,7 +17,7 @@ from ...law.limits import Limits, as_limits
 from ...robot.arm_model import ArmModel
 from ...trajectories import Reference
 from ..protocol import LONGEST_PERIOD, Measured, WrappableController
-from ..telemetry import Situation
+from ..telemetry import ControllerOutput, Situation
 from ..wrapper import ControllerWrapper
 from .belief import Belief, Believer
 from .braking import RELAXATION, Braking
@@ -290,8 +290,9 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         """A tick of the controller itself; a fault where it gives no finite torque."""
         (q, v, *_), reference, tau_ext = now.known, now.reference, now.tau_ext
         try:
-            inner = self._taken_over(state, now)
-            output, inner = self._start.follow(inner, q, v, reference, tau_ext)
+            output, inner = self._late(state, now) or self._start.follow(
+                self._taken_over(state, now), q, v, reference, tau_ext
+            )
         except (InputError, ArithmeticError, np.linalg.LinAlgError) as error:
             words = f"the controller cannot compute a torque: {error}"
             return None, Fault("controller", "tau", (), words), now
@@ -313,6 +314,22 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
             period=None,
         )
         return GuardedOutput.of(output), None, following
+
+    def _late(
+        self, state: FaultGuardState, now: FaultGuardState
+    ) -> tuple[ControllerOutput, SoftStartState] | None:
+        """The tick as a late one, where inputs were lost for a short time and the arm has stayed near its motion."""
+        away = now.since + self.dt
+        is_brief = state.response != "run" and away < LONGEST_PERIOD * self.dt
+        if not (is_brief and state.fault is not None and state.fault.kind in _OF_INPUTS):
+            return None
+        start, reference = self._start, now.reference
+        inner = start.elapsed(state.inner, away)
+        if start.has_jumped(inner, reference):
+            return None
+        output, inner = start.follow(inner, *now.known[:2], reference, now.tau_ext)
+        is_near = (np.abs(output.e1) < _NEAR) & (np.abs(output.e2) < _EASY * self.way_back)
+        return (output, inner) if is_near.all() else None
 
     def _taken_over(self, state: FaultGuardState, now: FaultGuardState) -> SoftStartState:
         """State of the controller for this tick; where it was away, with a soft start."""
@@ -380,6 +397,8 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
 
 
 _EASY = 5.0  # rad/s² or m/s²: acceleration of the way back
+_NEAR = 0.01  # rad or m: from which the controller goes back by itself
+_OF_INPUTS = ("malformed", "not finite", "jump", "inconsistent", "frozen")
 _NONE = Fault("malformed", "", (), "")
 _NO_PERIOD = Fault("malformed", "period", (), "period has to be a positive time in seconds")
 
