@@ -16,6 +16,7 @@ from rbimpedance._numba import warn_once
 from rbimpedance.control.telemetry import FLAGS
 from rbimpedance.simulation import closed_loop
 from rbimpedance.simulation import run as single
+from rbimpedance.simulation.joint_stops import JointStops
 from rbimpedance.trajectories import SampledTrajectory, cosine, hold, samples, waypoints
 
 from .. import arms
@@ -182,6 +183,45 @@ def test_stiff_friction_is_taken_at_the_end_of_the_step() -> None:
     run = simulate(*given, **settings, backend="compiled")
     assert_same(run, readable(*given, **settings), 1e-10)
     assert np.abs(run.v[-1]).max() < 1.0
+
+
+@pytest.mark.parametrize(
+    ("backend", "integrator"),
+    [("pinocchio", "semi-implicit"), ("compiled", "semi-implicit"), ("compiled", "rk4")],
+)
+def test_joints_meet_their_stops_as_in_the_readable_run(
+    backend: Any, integrator: Any, said: pytest.LogCaptureFixture
+) -> None:
+    """A continuous, a sliding and an oblique joint, each thrown at a stop on either side of where it begins."""
+    arm = arms.spinner()
+    plant, side = arm.with_payload(0.3), np.array([1.0, -1.0, 1.0])
+    bound = np.full(3, 0.01)
+    stops = JointStops(-bound, bound, stiffness=4e5 * bound, damping=900.0 * bound)
+    for v0 in (side, -side):
+        given = build(arm), plant, hold(arm)
+        settings: Any = {"v0": 2.0 * v0, "duration": 0.05, "joint_stops": stops, "q0": arm.zero}
+        run = simulate(*given, **settings, backend=backend, integrator=integrator)
+        truth = readable(*given, **settings, integrator=integrator)
+        assert_same(run, truth, 1e-12)
+        assert_allclose(run.tau_stop, truth.tau_stop, atol=1e-10)
+        assert (run.tau_stop * v0 < 0.0).any(axis=0).all()
+    assert "left to Python" not in said.text
+
+
+def test_joint_that_follows_another_runs_around_pinocchio_as_in_the_readable_run(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The compiled tables have no such joint; without a force at a frame none of them is needed."""
+    arm = rbi.load_robot("panda", armature=0.1)
+    plant = arm.with_payload(0.3).with_friction(0.2, 0.3)
+    given = build(arm), plant, cosine(arm, amplitude=0.1, period=1.0, check_limits=False)
+    settings: Any = {"environment": rbi.JointTorque(np.ones(arm.nv)), "duration": 0.1}
+    settings["joint_stops"] = JointStops.at_limits(arm, 2.5e-4)
+    truth = readable(*given, **settings)
+    monkeypatch.setattr(single, "run", None)
+    run = simulate(*given, **settings, backend="pinocchio")
+    assert arm.nv == 8
+    assert_same(run, truth, 1e-12)
 
 
 def test_run_does_not_depend_on_where_its_blocks_end(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -55,9 +55,11 @@ class PlantOptions:
         bool, _simulation("Leave out the stops at the joints' limits.", name="--no-stops")
     ] = False
 
-    def environment(self) -> FrameWrench:
-        """Return the wrench at the tool, of a force or of a force and a moment."""
-        given = numbers("--wrench", self.wrench or "0,0,0", 3, 6)
+    def environment(self) -> FrameWrench | None:
+        """Return the wrench at the tool, of a force or of a force and a moment; None without one."""
+        if self.wrench is None:
+            return None
+        given = numbers("--wrench", self.wrench, 3, 6)
         return FrameWrench(np.concatenate([given, np.zeros(6 - len(given))]))
 
 

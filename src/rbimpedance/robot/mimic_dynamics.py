@@ -43,6 +43,7 @@ class MimicDynamics(PinocchioDynamics):
         self._free = free_tree(model)
         self._free_data = self._free.model.createData()
         self._S, self._A = self._free.S, self._free.A
+        self.aba = self._solve
 
     def mass_matrix(self, q: Array) -> Array:
         """M(q) = Sᵀ·M_free·S with the armature on its diagonal, shape (nv, nv)."""
@@ -51,10 +52,10 @@ class MimicDynamics(PinocchioDynamics):
         M.ravel()[:: len(M) + 1] += self.model.armature
         return M
 
-    def forward_dynamics(self, q: Array, v: Array, torque: Array) -> Array:
-        """M⁻¹ (torque - bias); see `PinocchioDynamics.forward_dynamics`."""
-        a = np.linalg.solve(self.mass_matrix(q), torque - self.bias(q, v))
-        return np.asarray(a, dtype=np.float64)
+    def _solve(self, q: Array, v: Array, torque: Array) -> Array:
+        """M⁻¹ (torque - C v - g), in place of Pinocchio's ABA."""
+        bias = pin.nonLinearEffects(self.model, self._data, q, v)
+        return np.linalg.solve(self.mass_matrix(q), torque - bias)
 
     def jacobian(self, q: Array, frame_id: int) -> Array:
         """J_free·S; see `PinocchioDynamics.jacobian`."""

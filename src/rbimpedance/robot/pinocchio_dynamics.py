@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -31,7 +32,7 @@ class PinocchioDynamics:
         model: The Pinocchio model.
         frame_ids: Index of every frame by name; where a link shares its name with a joint, that of the link.
         rnea: Pinocchio's own RNEA of (q, v, a): without friction, its result valid until the next call.
-        aba: Pinocchio's own ABA of (q, v, torque), likewise.
+        aba: Forward dynamics of (q, v, torque), likewise: Pinocchio's own ABA.
     """
 
     def __init__(self, model: pin.Model) -> None:
@@ -40,7 +41,7 @@ class PinocchioDynamics:
         self.frame_ids = {frame.name: i for i, frame in frames}
         self._data = model.createData()
         self.rnea = partial(pin.rnea, model, self._data)
-        self.aba = partial(pin.aba, model, self._data)
+        self.aba: Callable[..., Array] = partial(pin.aba, model, self._data)
         self._viscous = np.array(model.damping)
         self._coulomb = np.array(model.upperDryFrictionLimit)
         self._has_friction = bool(self._viscous.any() or self._coulomb.any())
@@ -68,7 +69,7 @@ class PinocchioDynamics:
         """Acceleration under the sum of all joint torques, by ABA, shape (nv,)."""
         if self._has_friction:
             torque = torque - self.friction(v)
-        return np.array(pin.aba(self.model, self._data, q, v, torque))
+        return np.array(self.aba(q, v, torque))
 
     def damped_forward_dynamics(self, q: Array, v: Array, torque: Array, h: float) -> Array:
         """The same with friction taken at the end of a step h, shape (nv,).

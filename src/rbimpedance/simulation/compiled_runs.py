@@ -83,13 +83,18 @@ def run_around_pinocchio(
         return None
     if loop.integrator != "semi-implicit" or loop.friction_is_stiff():
         return None
-    from ..robot.compiled.tables import arm_tables  # noqa: PLC0415 (Numba is loaded when needed)
+    from ..robot.compiled.tables import (  # noqa: PLC0415 (Numba is loaded when needed)
+        arm_tables,
+        coordinate_tables,
+    )
+    from .compiled.environment import acts_at_frames  # noqa: PLC0415
     from .compiled.world import controlled  # noqa: PLC0415
 
     loop = replace(loop, plant=loop.plant.copy())
+    known = controlled(controller, coordinate_tables(controller.arm))
+    read = arm_tables if acts_at_frames(loop.environment) else coordinate_tables
     try:
-        known = controlled(controller, arm_tables(controller.arm))
-        world = new_world(loop, known, arm_tables(loop.plant))
+        world = new_world(loop, known, read(loop.plant))
     except UnsupportedJointError:
         return None
     return _AroundPinocchio(loop, world).run(on_tick, checkpoint)
@@ -207,8 +212,6 @@ def reason_against(loop: ClosedLoop) -> str | None:
     """Return the name of a part of a loop without a compiled form, or None; arms are checked by the tables."""
     if loop.engine is not None:
         return f"its {type(loop.engine).__name__}"
-    if loop.stops is not None:
-        return "its joint stops"
     for part, kind in ((loop.controller, ImpedanceController), (loop.sensor, Perfect)):
         if type(part) is not kind:
             return f"its {type(part).__name__}"
@@ -236,7 +239,7 @@ def new_world(loop: ClosedLoop, controller: Controlled, plant: ArmTables) -> Wor
     integrator: Any = "stiff" if loop.friction_is_stiff() else loop.integrator
     settings = Settings(loop.ticks, loop.substeps, integrator, SPEED_BOUND)
     q, v = loop.q.copy(), loop.v.copy()
-    return World(controller, loop.plant, plant, loop.environment, q, v, settings)
+    return World(controller, loop.plant, plant, loop.environment, q, v, settings, loop.stops)
 
 
 def check_inputs(loop: ClosedLoop, world: World, reference: Reference, i: int) -> None:

@@ -97,7 +97,7 @@ def simulate(  # noqa: PLR0913 (what acts on a run, each given by name)
         integrator: "semi-implicit" (Euler, first order) or "rk4" (fourth order); other plants have their own.
         joint_stops: Whether the joints have stops at the plant's position limits: stiff springs with dampers, see
             `JointStops`, or stops of one's own. Without them a joint swings through its limit; `result.verdict()` says
-            so. Such a run is done in Python.
+            so.
         on_tick: Called with (ticks done, ticks in all), for a progress bar: at every tick, or every few thousand
             physics steps of a compiled run.
         checkpoint: File in which the run stores its progress, and from which an interrupted run continues.

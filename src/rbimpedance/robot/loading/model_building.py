@@ -10,7 +10,6 @@ import pinocchio as pin
 from ..._common.arrays import Array
 from ...exceptions import ModelError
 from .joint_selection import check_mimics, root_mimics
-from .stderr import captured_stderr
 from .urdf_document import Mimic, UrdfDocument
 
 _ROUNDING = 1e-9  # relative
@@ -42,12 +41,10 @@ def build_model(document: UrdfDocument, origin: str) -> pin.Model:
 
 
 def _pinocchio_model(document: UrdfDocument, origin: str) -> pin.Model:
-    with captured_stderr() as messages:
-        try:
-            return pin.buildModelFromXML(document.to_xml(), True)
-        except (ValueError, RuntimeError, IndexError) as error:
-            reason = f"{error} {messages()}".strip()
-    raise ModelError(f"{origin}: Pinocchio cannot build this robot: {reason}")
+    try:
+        return pin.buildModelFromXML(document.to_xml(), True)
+    except (ValueError, RuntimeError, IndexError) as error:
+        raise ModelError(f"{origin}: Pinocchio cannot build this robot: {error}") from error
 
 
 def _add_mimicking_friction(
@@ -131,7 +128,8 @@ def checked_copy(source: pin.Model) -> pin.Model:
 _TABLES = (
     *("names", "parents", "joints", "jointPlacements", "inertias"),
     *("children", "supports", "subtrees", "idx_qs", "nqs", "idx_vs", "nvs"),
-)  # one entry per joint
+)
+"""One entry per joint."""
 
 
 def _table_faults(model: pin.Model) -> Iterable[str]:

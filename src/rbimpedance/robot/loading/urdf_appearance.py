@@ -15,7 +15,7 @@ import numpy as np
 from ..._common.arrays import Array
 from ...exceptions import ModelError
 from .packages import Packages
-from .robot_text import RobotText
+from .robot_text import RobotText, is_file
 from .urdf_document import listed
 from .wording import shortened
 
@@ -24,18 +24,8 @@ MAX_MESHES = 1000
 
 MESH_SUFFIXES = frozenset(
     (
-        ".stl",
-        ".stlb",
-        ".dae",
-        ".obj",
-        ".ply",
-        ".off",
-        ".glb",
-        ".gltf",
-        ".3mf",
-        ".3ds",
-        ".mesh",
-        ".wrl",
+        *(".stl", ".stlb", ".dae", ".obj", ".ply", ".off"),
+        *(".glb", ".gltf", ".3mf", ".3ds", ".mesh", ".wrl"),
     )
 )
 """How mesh files end, in lower case."""
@@ -208,7 +198,7 @@ def _own_package(folder: Path | None) -> tuple[Path, ...]:
     """The folder of the package that a document in this folder belongs to."""
     if folder is None:
         return ()
-    marked = (above for above in (folder, *folder.parents) if _is_file(above / "package.xml"))
+    marked = (above for above in (folder, *folder.parents) if is_file(above / "package.xml"))
     return (next(marked, folder.parent),)
 
 
@@ -217,13 +207,6 @@ def _is_mesh(path: Path, inside: Sequence[Path]) -> bool:
     return (
         any(path.is_relative_to(os.path.normpath(folder)) for folder in inside)
         and path.suffix.lower() in MESH_SUFFIXES
-        and _is_file(path)
+        and is_file(path)
         and path.resolve().suffix.lower() in MESH_SUFFIXES
     )
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):  # a name too long, a folder that may not be entered, a NUL
-        return False

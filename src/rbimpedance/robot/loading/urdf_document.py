@@ -109,13 +109,13 @@ class Joint:
     xyz: tuple[float, ...]
     rpy: tuple[float, ...]
     axis: tuple[float, ...]
-    lower: float
-    upper: float
-    effort: float
-    velocity: float
-    damping: float
-    friction: float
-    mimic: Mimic | None
+    lower: float = 0.0
+    upper: float = 0.0
+    effort: float = 0.0
+    velocity: float = 0.0
+    damping: float = 0.0
+    friction: float = 0.0
+    mimic: Mimic | None = None
 
 
 @dataclass(frozen=True)
@@ -180,42 +180,23 @@ class UrdfDocument:
 
     def notes(self) -> tuple[str, ...]:
         """What was repaired, and what is odd about joints and moving links and yet bearable."""
-        return (*self.repairs, *self._mass_notes(), *self._limit_notes(), *self._inertia_notes())
-
-    def _mass_notes(self) -> tuple[str, ...]:
         carriers = self.carriers()
         heavy = {carriers[x.name] for x in self.links if x.inertial and x.inertial.mass > 0.0}
         shown = {carriers[x.name]: x.name for x in reversed(self.links) if x.has_shape}
         weightless = [name for joint, name in shown.items() if joint and joint not in heavy]
-        if not weightless:
-            return ()
-        return (
-            f"links that a joint moves have a shape and no mass: {listed(weightless[::-1])}; their weight is not in "
-            "the model, also where that joint is frozen",
-        )
-
-    def _limit_notes(self) -> tuple[str, ...]:
         limitless = [j.name for j in self.joints if np.isinf([j.lower, j.upper]).any()]
-        if not limitless:
-            return ()
-        return (
-            f"a position limit beyond every joint is taken as not given at {listed(limitless)}",
+        moving = [x for x in self.links if carriers[x.name] is not None and x.inertial is not None]
+        odd = [link.name for link in moving if link.inertial and not link.inertial.is_realisable()]
+        found = (
+            (
+                weightless[::-1],
+                "links that a joint moves have a shape and no mass: {}; their weight is not in the model, also where "
+                "that joint is frozen",
+            ),
+            (limitless, "a position limit beyond every joint is taken as not given at {}"),
+            (odd, "no rigid body has such moments of inertia (largest > sum of the others): {}"),
         )
-
-    def _inertia_notes(self) -> tuple[str, ...]:
-        carriers = self.carriers()
-        odd = [
-            link.name
-            for link in self.links
-            if carriers[link.name] is not None
-            and link.inertial is not None
-            and not link.inertial.is_realisable()
-        ]
-        if not odd:
-            return ()
-        return (
-            f"no rigid body has such moments of inertia (largest > sum of the others): {listed(odd)}",
-        )
+        return (*self.repairs, *(words.format(listed(names)) for names, words in found if names))
 
     def to_xml(self) -> str:
         """Return the links and joints as a URDF that holds nothing but dynamics."""
@@ -231,37 +212,31 @@ def _write_link(robot: etree._Element, link: Link) -> None:
     element = etree.SubElement(robot, "link", name=link.name)
     if link.inertial is not None:
         inertial = etree.SubElement(element, "inertial")
-        etree.SubElement(
-            inertial, "origin", xyz=_join(link.inertial.xyz), rpy=_join(link.inertial.rpy)
-        )
-        etree.SubElement(inertial, "mass", value=repr(link.inertial.mass))
-        moments = zip(MOMENTS, link.inertial.inertia, strict=True)
-        etree.SubElement(inertial, "inertia", {key: repr(value) for key, value in moments})
+        _add(inertial, "origin", xyz=link.inertial.xyz, rpy=link.inertial.rpy)
+        _add(inertial, "mass", value=link.inertial.mass)
+        _add(inertial, "inertia", **dict(zip(MOMENTS, link.inertial.inertia, strict=True)))
 
 
 def _write_joint(robot: etree._Element, joint: Joint) -> None:
     element = etree.SubElement(robot, "joint", name=joint.name, type=joint.kind)
-    etree.SubElement(element, "parent", link=joint.parent)
-    etree.SubElement(element, "child", link=joint.child)
-    etree.SubElement(element, "origin", xyz=_join(joint.xyz), rpy=_join(joint.rpy))
+    _add(element, "parent", link=joint.parent)
+    _add(element, "child", link=joint.child)
+    _add(element, "origin", xyz=joint.xyz, rpy=joint.rpy)
     if joint.kind == "fixed":
         return
-    etree.SubElement(element, "axis", xyz=_join(joint.axis))
+    _add(element, "axis", xyz=joint.axis)
     keys = ("lower", "upper", "effort", "velocity")
     limits = {key: np.clip(getattr(joint, key), -_NO_LIMIT, _NO_LIMIT) for key in keys}
-    etree.SubElement(element, "limit", {key: repr(float(x)) for key, x in limits.items()})
-    etree.SubElement(
-        element, "dynamics", damping=repr(joint.damping), friction=repr(joint.friction)
-    )
+    _add(element, "limit", **{key: float(x) for key, x in limits.items()})
+    _add(element, "dynamics", damping=joint.damping, friction=joint.friction)
     if joint.mimic is not None:
-        etree.SubElement(
-            element,
-            "mimic",
-            joint=joint.mimic.joint,
-            multiplier=repr(joint.mimic.multiplier),
-            offset=repr(joint.mimic.offset),
-        )
+        _add(element, "mimic", **vars(joint.mimic))
 
 
-def _join(numbers: tuple[float, ...]) -> str:
-    return " ".join(repr(number) for number in numbers)
+def _add(parent: etree._Element, tag: str, **values: str | float | tuple[float, ...]) -> None:
+    """Add an element whose attributes are names, numbers, or several numbers."""
+    texts = {
+        key: x if isinstance(x, str) else " ".join(map(repr, x if isinstance(x, tuple) else (x,)))
+        for key, x in values.items()
+    }
+    etree.SubElement(parent, tag, texts)

@@ -11,6 +11,7 @@ import math
 from collections.abc import Collection
 from copy import deepcopy
 from dataclasses import replace
+from itertools import chain
 
 from lxml import etree
 
@@ -43,6 +44,7 @@ FARTHEST_LIMIT = 1e4
 """Largest position limit that is one [rad or m]; larger ones (1e16 means "none" in SDF) are taken as not given."""
 
 _KINDS = (*MOVABLE, "fixed")
+_X = (1.0, 0.0, 0.0)  # the axis where none is given
 
 
 def parse_urdf(text: str, origin: str, repair: Collection[str] = ()) -> UrdfDocument:
@@ -102,11 +104,8 @@ def _check_count(root: etree._Element, origin: str) -> None:
 
 def _mesh_files(root: etree._Element) -> tuple[str, ...]:
     """Addresses of the meshes of all links, each once."""
-    found = (
-        mesh.get("filename")
-        for kind in ("visual", "collision")
-        for mesh in root.iterfind(f"link/{kind}/geometry/mesh")
-    )
+    meshes = (root.iterfind(f"link/{kind}/geometry/mesh") for kind in ("visual", "collision"))
+    found = [mesh.get("filename") for mesh in chain(*meshes)]
     return tuple(dict.fromkeys(str(address) for address in found if address is not None))
 
 
@@ -170,36 +169,19 @@ def _read_joint(element: etree._Element) -> Joint:
     parent, child = (
         text_of(required_child(element, tag, where), "link", where) for tag in ("parent", "child")
     )
-    axis: tuple[float, ...] = (1.0, 0.0, 0.0)
-    lower = upper = effort = velocity = damping = friction = 0.0
-    mimic = None
-    if kind != "fixed":
-        axis = _read_axis(element, where)
-        lower, upper, effort, velocity = _read_limit(element, kind, where)
-        damping, friction = _read_friction(element, where)
-        mimic = _read_mimic(element, where)
+    if kind == "fixed":
+        return Joint(name, kind, parent, child, *_pose(element, where), axis=_X)
+    axis = _read_axis(element, where)
+    limit = _read_limit(element, kind, where)
+    friction, mimic = _read_friction(element, where), _read_mimic(element, where)
     pose = _pose(element, where)
-    return Joint(
-        name,
-        kind,
-        parent,
-        child,
-        *pose,
-        axis,
-        lower,
-        upper,
-        effort,
-        velocity,
-        damping,
-        friction,
-        mimic,
-    )
+    return Joint(name, kind, parent, child, *pose, axis, *limit, *friction, mimic)
 
 
 def _read_axis(element: etree._Element, where: str) -> tuple[float, ...]:
     axis = only_child(element, "axis", where)
     if axis is None:
-        return (1.0, 0.0, 0.0)
+        return _X
     xyz = numbers_of(axis, "xyz", 3, where)
     if not 1e-6 < math.hypot(*xyz) < 1e6:
         raise ModelError(f"{where}: the axis {xyz} has no direction; give a unit vector")
@@ -245,10 +227,8 @@ def _read_mimic(element: etree._Element, where: str) -> Mimic | None:
     mimic = only_child(element, "mimic", where)
     if mimic is None:
         return None
-    multiplier, offset = (
-        number_of(mimic, "multiplier", where, 1.0),
-        number_of(mimic, "offset", where, 0.0),
-    )
+    multiplier = number_of(mimic, "multiplier", where, 1.0)
+    offset = number_of(mimic, "offset", where, 0.0)
     return Mimic(text_of(mimic, "joint", where), multiplier, offset)
 
 

@@ -192,6 +192,11 @@ def can_sample(interaction: Interaction) -> bool:
     return all(type(part) in known for part in _parts(interaction))
 
 
+def acts_at_frames(interaction: Interaction) -> bool:
+    """Whether anything of an interaction that `can_sample` acts at a frame, so that its kinematics are needed."""
+    return any(type(part) is not JointTorque for part in _parts(interaction))
+
+
 def _parts(interaction: Interaction) -> list[Any]:
     if type(interaction) is Sum:
         return [inner for part in interaction.parts for inner in _parts(part)]

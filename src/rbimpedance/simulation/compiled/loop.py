@@ -22,7 +22,6 @@ from ...control.compiled.block import A_R, TAU
 from ...control.compiled.law import LawTables, Scratch, TickInputs
 from ...control.compiled.tick import whole_tick
 from ...robot.compiled.dynamics import VECTOR_IN
-from ...robot.compiled.rigid_body import friction
 from ...robot.compiled.tables import ArmTables, Workspace
 from .environment import Environment
 from .log import MetricSums, RunLog, impedance_error, note, write
@@ -30,6 +29,7 @@ from .plant import (
     PlantMotion,
     PlantTables,
     Stages,
+    acting_torque,
     damp,
     euler_step,
     runge_kutta_step,
@@ -295,7 +295,7 @@ class Between(NamedTuple):
         journal: Where the channels go.
         figures: Where the figures of merit go.
         block: Of the controller's tick.
-        torque: What forward dynamics are to take, without friction in it, shape (nv,).
+        torque: What forward dynamics are to take, friction and stops in it, shape (nv,).
     """
 
     controlled: Controlled
@@ -388,6 +388,5 @@ def _look(loop: Between, k: int, i: int) -> None:
 
 @fused
 def _sum_torques(loop: Between) -> None:
-    motion, joints = loop.motion, loop.plant.arm.joints
-    for j in range(len(motion.v)):
-        loop.torque[j] = motion.tau[j] + motion.tau_ext[j] - friction(joints, j, motion.v[j])
+    for j in range(len(loop.torque)):
+        loop.torque[j] = acting_torque(loop.plant, loop.motion, j)

@@ -23,6 +23,9 @@ from ...robot.compiled.tables import (
 from ...robot.pinocchio_dynamics import COULOMB_SMOOTHING
 from .environment import Environment, environment_torque
 
+# Columns of `PlantTables.stops`.
+LOWER, UPPER, STIFFNESS, DAMPING = 0, 1, 2, 3
+
 
 class PlantTables(NamedTuple):
     """The simulated arm.
@@ -30,10 +33,12 @@ class PlantTables(NamedTuple):
     Attributes:
         arm: Its tables; the armature in them is what the step at hand needs.
         armature: Its own armature, shape (nv,).
+        stops: Lower and upper limit, stiffness and damping of every joint's stops, shape (nv, 4); no rows for none.
     """
 
     arm: ArmTables
     armature: Array
+    stops: Array
 
 
 class PlantMotion(NamedTuple):
@@ -88,7 +93,7 @@ def update_tau_ext(
 
 @fused
 def update_acceleration(plant: PlantTables, space: Workspace, motion: PlantMotion) -> None:
-    """Write the acceleration under motors, environment and friction, by ABA; see `PinocchioDynamics`.
+    """Write the acceleration under motors, environment, stops and friction, by ABA; see `PinocchioDynamics`.
 
     Args:
         plant: The simulated arm.
@@ -97,8 +102,29 @@ def update_acceleration(plant: PlantTables, space: Workspace, motion: PlantMotio
     """
     v, a = motion.v, motion.a
     for j in range(len(v)):
-        a[j] = motion.tau[j] + motion.tau_ext[j] - friction(plant.arm.joints, j, v[j])
+        a[j] = acting_torque(plant, motion, j)
     rigid_body.forward_dynamics(plant.arm, space, v, a, a)
+
+
+@fused
+def acting_torque(plant: PlantTables, motion: PlantMotion, j: int) -> float:
+    """Torque of motor, environment, friction and stops on joint j."""
+    torque: float = motion.tau[j] + motion.tau_ext[j] - friction(plant.arm.joints, j, motion.v[j])
+    return torque + _stop_torque(plant, motion, j) if len(plant.stops) else torque
+
+
+@fused
+def _stop_torque(plant: PlantTables, motion: PlantMotion, j: int) -> float:
+    """max(0, k·δ + d·δ̇) back towards the range, where joint j is δ beyond it; see `JointStops`."""
+    stops, i = plant.stops, plant.arm.topology[j, Q_INDEX]
+    x: float = motion.q[i]
+    if plant.arm.topology[j, KIND] == CONTINUOUS:
+        x = math.atan2(motion.q[i + 1], x)
+    above, below = x - stops[j, UPPER], stops[j, LOWER] - x
+    push: float = stops[j, DAMPING] * motion.v[j]
+    if above > 0.0:
+        return -max(0.0, float(stops[j, STIFFNESS] * above + push))
+    return max(0.0, float(stops[j, STIFFNESS] * below - push)) if below > 0.0 else 0.0
 
 
 @fused

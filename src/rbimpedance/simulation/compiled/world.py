@@ -15,6 +15,7 @@ from ...law.impedance import ImpedanceFilter
 from ...robot.arm_model import ArmModel
 from ...robot.compiled.tables import ArmTables, workspace
 from ...trajectories import Reference
+from ..joint_stops import JointStops
 from .environment import Drive, EnvironmentTables, can_sample
 from .log import MetricSums, RunLog, no_figures
 from .loop import (
@@ -90,6 +91,7 @@ class World:
         q: Configuration, shape (nq,); taken over.
         v: Velocity, shape (nv,); taken over.
         settings: How the plant is stepped.
+        stops: Stops of its joints; None for none.
 
     Raises:
         ModelError: The environment acts at a frame that the arm does not have.
@@ -104,11 +106,12 @@ class World:
         q: Array,
         v: Array,
         settings: Settings,
+        stops: JointStops | None = None,
     ) -> None:
         nv = plant.nv
         self.controlled = controlled
         own = tables._replace(joints=tables.joints.copy())
-        self.plant = PlantTables(own, np.array(plant.armature))
+        self.plant = PlantTables(own, np.array(plant.armature), _stop_table(stops))
         self.surroundings = EnvironmentTables(interaction, plant)
         motion = PlantMotion(q, v, *np.zeros((3, nv)))
         self.memory = Memory(motion, np.zeros((nv, COLUMNS)), np.zeros((nv, COLUMNS)))
@@ -172,6 +175,12 @@ class World:
         status = rollout(arguments)(*arguments)
         tick, joint = clock.outcome.tolist()
         return Outcome(_ENDINGS[status], tick, joint)
+
+
+def _stop_table(stops: JointStops | None) -> Array:
+    if stops is None:
+        return np.zeros((0, 4))
+    return np.column_stack([stops.lower, stops.upper, stops.stiffness, stops.damping])
 
 
 def controlled(controller: Any, tables: ArmTables) -> Controlled:
