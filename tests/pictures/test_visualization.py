@@ -23,7 +23,7 @@ import rbimpedance as rbi
 from rbimpedance import ArmModel, ModelError, ParameterError, SimulationResult, load_robot, view
 from rbimpedance.interaction import FrameWrench, Sum
 from rbimpedance.pictures.page.drawing import Drawing
-from rbimpedance.pictures.page.meshes import CompactMesh, read_mesh, thinned
+from rbimpedance.pictures.page.meshes import ColoredMesh, read_mesh, thinned
 from rbimpedance.pictures.page.shapes import look_of
 from rbimpedance.pictures.viewer import MOST_FRAMES, _at_tool, animate
 
@@ -158,19 +158,9 @@ def test_edges_of_a_box_stay_sharp_and_a_ball_stays_round(tmp_path: Path) -> Non
         ("ball.stl", trimesh.creation.icosphere(subdivisions=3), 642),
     ):
         solid.export(tmp_path / name)
-        mesh = CompactMesh(read_mesh(tmp_path / name, (1, 1, 1)))
-        assert len(mesh.points) == corners
+        mesh = ColoredMesh(read_mesh(tmp_path / name, (1, 1, 1)))
+        assert len(mesh.vertices) == corners
         assert len(mesh.faces) == len(solid.faces)
-
-
-def test_compact_positions_are_within_a_thousandth_of_the_size(tmp_path: Path) -> None:
-    solid = trimesh.creation.icosphere(subdivisions=3, radius=0.2)
-    solid.apply_translation([1.0, -2.0, 0.5])
-    solid.export(tmp_path / "ball.stl")
-    mesh = CompactMesh(read_mesh(tmp_path / "ball.stl", (1, 1, 1)))
-    placed = np.c_[mesh.points, np.ones(len(mesh.points))] @ mesh.intrinsic_transform()
-    distances = np.linalg.norm(placed[:, :3] - [1.0, -2.0, 0.5], axis=1)
-    np.testing.assert_allclose(distances, 0.2, rtol=1e-3)
 
 
 def test_thinned_mesh_keeps_its_shape(tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ class _Notebook:
 
 
 class _ArmVisualizer(MeshcatVisualizer):  # type: ignore[misc]
-    """Pinocchio's visualizer with compact meshes."""
+    """Pinocchio's visualizer with coloured meshes."""
 
     def __init__(self, model: pin.Model, look: Look) -> None:
         super().__init__(model, None, look.geometry)

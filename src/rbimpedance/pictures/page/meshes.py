@@ -1,7 +1,4 @@
-"""Mesh files as small coloured triangle meshes: read by trimesh, thinned out, with the edges kept sharp.
-
-Positions are whole multiples of a 32767th of the mesh's size, which is below what a screen shows.
-"""
+"""Mesh files as small coloured triangle meshes: read by trimesh, thinned out, with the edges kept sharp."""
 
 from __future__ import annotations
 
@@ -10,7 +7,6 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-import umsgpack
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -29,13 +25,6 @@ GREY: RGBA = (0.72, 0.74, 0.77, 1.0)
 """Colour of what has none."""
 
 Faces: TypeAlias = NDArray[np.int64]
-
-_INT16, _UINT16, _UINT8, _UINT32 = (
-    0x13,
-    0x14,
-    0x12,
-    0x16,
-)  # msgpack extension types of the page's decoder
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +89,7 @@ def has_colors(parts: list[Part]) -> bool:
     return any(part.color is not None for part in parts)
 
 
-def capsule(radius: float, length: float) -> CompactMesh:
+def capsule(radius: float, length: float) -> ColoredMesh:
     """Return a grey capsule about the z axis.
 
     Args:
@@ -111,7 +100,7 @@ def capsule(radius: float, length: float) -> CompactMesh:
 
     made = trimesh.creation.capsule(length, radius, count=(24, 24))
     centred = made.vertices - made.bounds.mean(axis=0)
-    return CompactMesh([_merged(centred, np.asarray(made.faces), None)])
+    return ColoredMesh([_merged(centred, np.asarray(made.faces), None)])
 
 
 def _thinned(part: Part, share: float) -> Part:
@@ -147,18 +136,15 @@ def _color(piece: Any) -> RGBA | None:
 
 def _split_at_sharp_edges(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
     """Repeat vertices where faces meet at a sharp angle, so that shading does not smear the edge."""
-    corners = np.arange(faces.size).reshape(faces.shape)
-    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    sides = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
-    swap = ends[:, 0] > ends[:, 1]
-    ends[swap], sides[swap] = ends[swap][:, ::-1], sides[swap][:, ::-1]
-    order = np.lexsort((ends[:, 1], ends[:, 0]))
-    ends, sides = ends[order], sides[order]
-    shared = np.flatnonzero((ends[1:] == ends[:-1]).all(axis=1))
-    normals = _normals(vertices, faces)
-    left, right = sides[shared], sides[shared + 1]
-    smooth = (normals[left[:, 0] // 3] * normals[right[:, 0] // 3]).sum(axis=1) > np.cos(SHARP)
-    i, j = left[smooth].ravel(), right[smooth].ravel()
+    import trimesh  # noqa: PLC0415  (takes a second)
+
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    smooth = mesh.face_adjacency_angles < SHARP
+    pairs, ends = mesh.face_adjacency[smooth], mesh.face_adjacency_edges[smooth]
+    i, j = (  # corners at both ends of every smooth edge, in the face on either side
+        (3 * side[:, None] + (faces[side][:, None] == ends[:, :, None]).argmax(axis=2)).ravel()
+        for side in pairs.T
+    )
     graph = coo_array((np.ones(len(i)), (i, j)), shape=(faces.size, faces.size))
     count, label = connected_components(graph, directed=False)
     place = np.empty(count, np.int64)
@@ -166,16 +152,8 @@ def _split_at_sharp_edges(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
     return vertices[place], label.astype(np.int64).reshape(faces.shape)
 
 
-def _normals(vertices: Array, faces: Faces) -> Array:
-    """Unit normals of the faces, shape (m, 3)."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    normals = np.cross(b - a, c - a)
-    unit: Array = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    return unit
-
-
-class CompactMesh(mg.Geometry):  # type: ignore[misc]
-    """Triangles in 6 bytes a vertex, as a meshcat geometry.
+class ColoredMesh(mg.TriangularMeshGeometry):  # type: ignore[misc]
+    """Triangles with a colour at every vertex, as a meshcat geometry.
 
     Args:
         parts: Triangles by colour.
@@ -183,65 +161,26 @@ class CompactMesh(mg.Geometry):  # type: ignore[misc]
     """
 
     def __init__(self, parts: list[Part], color: RGBA = GREY) -> None:
-        super().__init__()
-        vertices, faces, colors, start = [], [], [], 0
-        for part in parts:
-            places, corners = _split_at_sharp_edges(part.vertices, part.faces)
-            vertices.append(places)
-            faces.append(corners + start)
-            colors.append(np.tile(part.color or color, (len(places), 1)))
-            start += len(places)
-        self.colors = np.concatenate(colors)
-        self._place(np.concatenate(vertices))
-        self.faces = np.concatenate(faces)
-
-    def _place(self, vertices: Array) -> None:
-        self.lower_corner, self.upper_corner = vertices.min(axis=0), vertices.max(axis=0)
-        self._center = (self.lower_corner + self.upper_corner) / 2.0
-        half = float((self.upper_corner - self.lower_corner).max()) / 2.0 or 1.0
-        self._quantum = half / 32767.0
-        self.points = np.round((vertices - self._center) / self._quantum).astype(np.int16)
-
-    def intrinsic_transform(self) -> Array:
-        """The matrix that turns the whole numbers into metres, transposed as meshcat sends it."""
-        matrix = np.diag([self._quantum] * 3 + [1.0])
-        matrix[3, :3] = self._center
-        return matrix
+        pieces = [_split_at_sharp_edges(part.vertices, part.faces) for part in parts]
+        starts = np.cumsum([0, *(len(vertices) for vertices, _ in pieces)])
+        colors = [part.color or color for part in parts]
+        self._colors = np.repeat(colors, np.diff(starts), axis=0)
+        faces = [faces + start for (_, faces), start in zip(pieces, starts, strict=False)]
+        super().__init__(
+            np.concatenate([vertices for vertices, _ in pieces]),
+            np.concatenate(faces),
+            self._colors[:, :3] if len(set(colors)) > 1 else None,
+        )
 
     def material(self) -> mg.Material:
         """What it is painted with."""
         shown = mg.MeshPhongMaterial(shininess=25, specular=0x222222)
-        opacity = float(self.colors[:, 3].min())
+        opacity = float(self._colors[:, 3].min())
         if opacity < 1.0:
             shown.transparent, shown.opacity = True, opacity
-        if len(np.unique(self.colors, axis=0)) > 1:
+        if self.color is not None:
             shown.vertexColors = True
         else:
-            red, green, blue = (round(255.0 * x) for x in self.colors[0, :3])
+            red, green, blue = (round(255.0 * x) for x in self._colors[0, :3])
             shown.color = red * 65536 + green * 256 + blue
         return shown
-
-    def lower(self, object_data: Any) -> dict[str, Any]:
-        """The geometry as the page's loader takes it."""
-        del object_data
-        attributes = {"position": _packed(self.points, "Int16Array", _INT16)}
-        if len(np.unique(self.colors, axis=0)) > 1:
-            bytes_ = np.round(255.0 * self.colors[:, :3]).astype(np.uint8)
-            attributes["color"] = _packed(bytes_, "Uint8Array", _UINT8, normalized=True)
-        if len(self.points) < 2**16:
-            index = _packed(self.faces.astype(np.uint16), "Uint16Array", _UINT16)
-        else:
-            index = _packed(self.faces.astype(np.uint32), "Uint32Array", _UINT32)
-        data = {"attributes": attributes, "index": index}
-        return {"uuid": self.uuid, "type": "BufferGeometry", "data": data}
-
-
-def _packed(
-    array: NDArray[Any], kind: str, code: int, *, normalized: bool = False
-) -> dict[str, Any]:
-    return {
-        "itemSize": array.shape[1],
-        "type": kind,
-        "array": umsgpack.Ext(code, array.tobytes()),
-        "normalized": normalized,
-    }

@@ -18,7 +18,7 @@ from ...exceptions import ModelError
 from ...robot.arm_model import ArmModel
 from ...robot.description import Description
 from ...robot.loading.urdf_appearance import RGBA, Shape, find_mesh, read_shapes
-from .meshes import GREY, CompactMesh, Part, capsule, has_colors, read_mesh, thinned
+from .meshes import GREY, ColoredMesh, Part, capsule, has_colors, read_mesh, thinned
 
 FACES = 40_000
 """Triangles that a whole robot is thinned out to: details below a pixel on a page go first."""
@@ -42,7 +42,7 @@ class Look:
     """
 
     geometry: pin.GeometryModel = field(default_factory=pin.GeometryModel)
-    meshes: dict[str, CompactMesh] = field(default_factory=dict)
+    meshes: dict[str, ColoredMesh] = field(default_factory=dict)
     boxes: list[Array] = field(default_factory=list)
     notes: tuple[str, ...] = ()
 
@@ -50,15 +50,15 @@ class Look:
         self,
         joint: int,
         placement: pin.SE3,
-        shape: CompactMesh | coal.ShapeBase,
+        shape: ColoredMesh | coal.ShapeBase,
         color: RGBA | None = None,
     ) -> None:
         """Add a shape to the body of a joint."""
         name = str(self.geometry.ngeoms)
-        if isinstance(shape, CompactMesh):
+        if isinstance(shape, ColoredMesh):
             self.meshes[name] = shape
             item = pin.GeometryObject(name, joint, placement, coal.BVHModelOBBRSS())
-            box = np.array([shape.lower_corner, shape.upper_corner])
+            box = np.array([shape.vertices.min(axis=0), shape.vertices.max(axis=0)], np.float64)
         else:
             item = pin.GeometryObject(name, joint, placement, shape)
             item.meshColor = np.array(color or GREY)
@@ -109,7 +109,7 @@ class _MeshFiles:
         self._description = description
         self._parts: dict[tuple[str, tuple[float, ...]], list[Part]] = {}
         self._lost: dict[str, str] = {}
-        self._meshes: dict[tuple[object, ...], CompactMesh] = {}
+        self._meshes: dict[tuple[object, ...], ColoredMesh] = {}
 
     def can_show(self, shape: Shape) -> bool:
         """Return whether a shape is a primitive, or its mesh can be read."""
@@ -122,14 +122,14 @@ class _MeshFiles:
                 self._lost[shape.mesh_file] = str(error)
         return shape.kind != "mesh" or key in self._parts
 
-    def mesh(self, shape: Shape) -> CompactMesh:
+    def mesh(self, shape: Shape) -> ColoredMesh:
         """The mesh of a shape, thinned out to its share of `FACES`; one object however often it is shown."""
         parts = self._parts[shape.mesh_file, shape.size]
         color = GREY if shape.color is None or has_colors(parts) else shape.color
         key = (shape.mesh_file, shape.size, color)
         if key not in self._meshes:
             total = sum(len(part.faces) for parts in self._parts.values() for part in parts)
-            self._meshes[key] = CompactMesh(thinned(parts, min(1.0, FACES / total)), color)
+            self._meshes[key] = ColoredMesh(thinned(parts, min(1.0, FACES / total)), color)
         return self._meshes[key]
 
     def notes(self) -> tuple[str, ...]:
