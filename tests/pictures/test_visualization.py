@@ -7,6 +7,7 @@ import dataclasses
 import gzip
 import http.client
 import json
+import os
 import pickle
 import re
 import socket
@@ -210,7 +211,7 @@ def test_file_appears_whole_or_not_at_all(
     def full(*_: object, **__: object) -> int:
         raise OSError("no space left")
 
-    monkeypatch.setattr(Path, "write_text", full)
+    monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(OSError, match="no space"):
         viewer.save_html(tmp_path / "arm.html")
     assert [path.name for path in tmp_path.iterdir()] == ["arm.html"]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 import rbimpedance as rbi
-from rbimpedance.robot.loading.joint_selection import joints_to_lock, root_mimics
+from rbimpedance.robot.loading.joint_selection import joints_to_lock
+from rbimpedance.robot.loading.model_building import root_mimics
 from rbimpedance.robot.loading.urdf_document import Mimic
 
 MOVABLE = ("a", "b", "c", "d")

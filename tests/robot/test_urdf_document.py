@@ -11,8 +11,9 @@ import pytest
 from example_robot_data.robots_loader import ROBOTS
 from example_robot_data.utils import getModelPath
 
-from rbimpedance.robot.loading.urdf_document import Inertial, Mimic, listed
+from rbimpedance.robot.loading.urdf_document import Inertial, Mimic
 from rbimpedance.robot.loading.urdf_reader import parse_urdf
+from rbimpedance.robot.loading.wording import listed
 
 from ..arms import mimic_urdf, spinner_urdf
 

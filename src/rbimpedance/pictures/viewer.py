@@ -14,13 +14,13 @@ import webbrowser
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-from uuid import uuid4
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, positive_number
 from .._common.deprecation import renamed_arguments
+from .._common.files import whole_file
 from ..exceptions import ModelError, RBImpedanceError
 from ..interaction import EnvironmentLike, FrameInteraction, Interaction, as_interaction
 from ..robot.arm_model import ArmModel
@@ -163,12 +163,8 @@ class Viewer:
         target = Path(path)
         if not target.parent.is_dir():
             raise FileNotFoundError(errno.ENOENT, "no such folder", str(target.parent))
-        part = target.with_name(f"{target.name}.{uuid4().hex}.part")
-        try:
-            part.write_text(self.html(), encoding="utf-8")
-            part.replace(target)
-        finally:
-            part.unlink(missing_ok=True)
+        with whole_file(target) as file:
+            file.write(self.html().encode())
         return target
 
     def _repr_html_(self) -> str:

@@ -1,4 +1,16 @@
-"""`load_robot`: any robot description becomes an `ArmModel`, with every check on the way in."""
+"""`load_robot`: any robot description becomes an `ArmModel`, with every check on the way in.
+
+The order, one file of `loading` after the other:
+
+1. `arguments` checks what is given; `robot_sources` finds the source, `robot_text` and `encoding` read its file,
+   `xacro_expansion` expands it.
+2. `urdf_reader` reads the text strictly (`strict_xml`, `xml_faults`), repairs it on request (`repair`), and checks that
+   links and joints make one robot (`urdf_tree`). What comes out is a `urdf_document`.
+3. `joint_selection` says which joints are locked, `model_building` has Pinocchio build the model and compares it with
+   the document; both are called by `full_robot`. A `pinocchio.Model` begins here.
+4. `reduction` freezes what is locked, `soundness` checks mass and inertia, `tool_frame` and `model_notes` look at the
+   result, which becomes the `ArmModel`.
+"""
 
 from __future__ import annotations
 
@@ -13,17 +25,15 @@ from numpy.typing import ArrayLike
 from .._common.arrays import gain, per_joint, vector
 from ..exceptions import ModelError
 from .arm_model import ArmModel
-from .loading.error_context import error_context
+from .loading.arguments import folders_of, given_positions, repair_names
 from .loading.full_robot import FullRobot, from_model, from_text
-from .loading.joint_selection import given_positions
 from .loading.model_notes import model_notes
 from .loading.recipe import accepting_no_mass, with_recipe
 from .loading.reduction import reduced
-from .loading.repair import repair_names
 from .loading.robot_sources import read_source
-from .loading.soundness import check_inertia, check_mass
+from .loading.soundness import check_inertia, massless_joints, no_mass
 from .loading.tool_frame import default_tool_frame
-from .loading.wording import printable
+from .loading.wording import error_context, printable
 from .postures import set_ready
 
 
@@ -80,20 +90,18 @@ def load_robot(
         NonFiniteError: `gravity` holds NaN or infinity.
     """
     values, repairs = given_positions(locked_configuration), repair_names(repair)
+    folders = folders_of(package_dirs)
     if isinstance(source, pin.RobotWrapper):
         source = source.model
     if isinstance(source, pin.Model):
-        origin = "the pinocchio.Model"
-        with error_context(origin):
+        with error_context("the pinocchio.Model"):
             robot = from_model(source, joints, lock, values)
-    else:
-        with error_context(""):
-            text = read_source(source, package_dirs, repairs, xacro_args)
-        origin = text.origin
-        with error_context(origin):
-            robot = from_text(text, joints, lock, values, repairs)
-            robot = replace(robot, description=with_recipe(robot, source, package_dirs, repairs))
-    with error_context(origin):
+            return _arm(robot, tool_frame, gravity, armature, massless=massless)
+    with error_context(""):
+        text = read_source(source, folders, repairs, xacro_args)
+    with error_context(text.origin):
+        robot = from_text(text, joints, lock, values, repairs)
+        robot = replace(robot, description=with_recipe(robot, source, folders, repairs))
         return _arm(robot, tool_frame, gravity, armature, massless=massless)
 
 
@@ -107,14 +115,15 @@ def _arm(
 ) -> ArmModel:
     """Freeze locked joints, set the requested parameters, and check the dynamics."""
     model = reduced(robot)
-    if not massless:
-        check_mass(model)
+    weightless = massless_joints(model)
+    if weightless and not massless:
+        raise no_mass(weightless, model.nv)
     if gravity is not None:
         model.gravity.linear = vector("gravity", gravity, 3, "x, y, z")
     tool = default_tool_frame(model, robot.link_order) if tool_frame is None else tool_frame
     if not isinstance(tool, str):
         raise ModelError(f"tool_frame= takes the name of a frame, got {tool!r}")
-    notes = model_notes(robot, model, tool)
+    notes = model_notes(robot, model, tool, weightless)
     if armature is not None:
         given = gain("armature", armature, "non-negative", lambda x: x >= 0.0)
         model.armature = np.array(per_joint("armature", given, model.nv))

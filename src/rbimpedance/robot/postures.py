@@ -17,10 +17,8 @@ READY_NAMES = ("ready", "default", "home", "half_sitting", "standing", "neutral"
 MARGIN = 0.1
 """Least distance of `ready` from a limit, as a part of the range between both limits."""
 
-_STEP_INSIDE = {
-    "turns": 0.5,
-    "slides": 0.05,
-}  # from a limit without another one on the far side [rad or m]
+_STEP_INSIDE = {"turns": 0.5, "slides": 0.05}
+"""From a limit without another one on the far side [rad or m]."""
 
 
 def ready_configuration(model: pin.Model) -> Array:
@@ -43,14 +41,11 @@ def ready_configuration(model: pin.Model) -> Array:
         if joint.nq == 2:
             q[place] = _direction(given)
             continue
-        lower, upper = (
-            float(model.lowerPositionLimit[place][0]),
-            float(model.upperPositionLimit[place][0]),
-        )
+        lower = float(model.lowerPositionLimit[joint.idx_q])
+        upper = float(model.upperPositionLimit[joint.idx_q])
         kind = "slides" if joint.shortname().startswith("JointModelP") else "turns"
-        q[place] = _inside(
-            None if given is None else float(given[0]), lower, upper, _STEP_INSIDE[kind]
-        )
+        x = None if given is None else float(given[0])
+        q[place] = _inside(x, lower, upper, _STEP_INSIDE[kind])
     return q
 
 

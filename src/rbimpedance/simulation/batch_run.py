@@ -32,11 +32,7 @@ METRICS = (
 )
 """Figures of `SimulationResult.metrics` that a batch keeps up to date."""
 
-_PORTIONS = (
-    8  # in which each thread gets its share of the worlds, so that none waits long for the others
-)
-
-
+_PORTIONS = 8  # in which each thread gets its worlds, so that none waits long for the others
 _STATES = 2  # at which each plant is compared with Pinocchio's; the controllers' arms at all
 
 
@@ -183,10 +179,8 @@ class _Threads:
         samples: dict[int, Any] = {}
         for i in going:
             loop = self.loops[i]
-            for part, sampled in (
-                (loop.trajectory, self._reference),
-                (loop.environment, self._drive),
-            ):
+            parts = (loop.trajectory, self._reference), (loop.environment, self._drive)
+            for part, sampled in parts:
                 if id(part) in self.shared and id(part) not in samples:
                     samples[id(part)] = sampled(i, block)
         return samples

@@ -22,7 +22,7 @@ from ..trajectories import Trajectory
 from .checkpoint import Checkpoint, RunState
 from .forces import Forces
 from .joint_stops import JointStops
-from .plants import Motion, Plant, RigidPlant
+from .plants import Plant, RigidPlant
 from .plants.integrators import Integrator
 from .result import SimulationResult
 from .sampling import tick_times
@@ -114,29 +114,24 @@ class ClosedLoop:
             ticks=self.ticks,
             q0=self.q,
             v0=self.v,
-            substeps=self.substeps,
-            integrator=self.integrator,
-            sensor=self.sensor,
             **self._options(),
         )
 
     def _options(self) -> dict[str, Any]:
-        """What most runs do not have."""
-        options = {"engine": self.engine, "joint_stops": self.stops}
-        return {name: value for name, value in options.items() if value is not None}
+        """How the plant is stepped and measured, and what most runs do not have."""
+        rare = {"engine": self.engine, "joint_stops": self.stops}
+        return {
+            "substeps": self.substeps,
+            "integrator": self.integrator,
+            "sensor": self.sensor,
+            **{name: value for name, value in rare.items() if value is not None},
+        }
 
     def result(
         self, channels: dict[str, Any], samples: int, diverged: str | None = None
     ) -> SimulationResult:
         """Return the first samples of a log as a result, which ended early where a joint has diverged."""
-        origin = provenance(
-            self.controller,
-            self.plant,
-            substeps=self.substeps,
-            integrator=self.integrator,
-            sensor=self.sensor,
-            **self._options(),
-        )
+        origin = provenance(self.controller, self.plant, **self._options())
         if diverged is not None:
             time = (samples - 1) * self.controller.dt
             origin["diverged"] = {"time": time, "joint": diverged}
@@ -164,11 +159,11 @@ def run(
         SnapshotError: The checkpoint is of another run, or damaged.
     """
     controller, sensor, period = loop.controller, loop.sensor, _Period(loop)
-    plant, log = period.plant, _Log(loop.ticks + 1, loop.plant.nq, loop.plant.nv)
+    plant, channels = period.plant, empty_channels(loop.ticks + 1, loop.plant.nq, loop.plant.nv)
     moved = plant.begin(loop.q, loop.v, loop.h)
     start = RunState(0, moved, np.zeros(loop.plant.nv), controller.init(), sensor.init())
     if checkpoint is not None:
-        start = checkpoint.begin(start, log.channels, loop.fingerprint())
+        start = checkpoint.begin(start, channels, loop.fingerprint())
     first, moved, tau, state, sensed = start
     for k in range(first, loop.ticks + 1):
         t, (q, v) = k * controller.dt, plant.measured(moved)
@@ -177,14 +172,18 @@ def run(
         output, state = controller.step(state, q, v, loop.trajectory(t), told)
         tau = output.tau
         a = plant.acceleration(moved, tau, tau_ext + period.stop_torque(moved))
-        log.write(k, plant.motion(moved), output, controller.impedance_error(output, a), tau_ext)
+        channels["q"][k], channels["v"][k] = plant.motion(moved)
+        channels["e_im"][k] = controller.impedance_error(output, a)
+        channels["tau_ext"][k] = tau_ext
+        for name in _OUTPUT:
+            channels[name][k] = getattr(output, name)
         if on_tick is not None:
             on_tick(k, loop.ticks)
         if k < loop.ticks:
-            moved = period.advance(k, moved, tau, log)
+            moved = period.advance(k, moved, tau, channels)
             if checkpoint is not None:
-                checkpoint.offer(RunState(k + 1, moved, tau, state, sensed), log.channels)
-    return loop.result(log.channels, loop.ticks + 1)
+                checkpoint.offer(RunState(k + 1, moved, tau, state, sensed), channels)
+    return loop.result(channels, loop.ticks + 1)
 
 
 class _Period:
@@ -203,7 +202,7 @@ class _Period:
             0.0 if stops is None else stops.torque(self.loop.plant, 0.0, *self.plant.motion(moved))
         )
 
-    def advance(self, k: int, moved: Any, tau: Array, log: _Log) -> Any:
+    def advance(self, k: int, moved: Any, tau: Array, channels: dict[str, Any]) -> Any:
         """Advance by one control period under a held torque."""
         loop, h = self.loop, self.loop.h
         for i in range(loop.substeps):
@@ -212,22 +211,8 @@ class _Period:
             speed = np.abs(self.plant.motion(moved).v)
             if not (speed < SPEED_BOUND).all():
                 joint = int(np.argmax(speed))  # NaN counts as the largest
-                raise loop.divergence(k, joint, log.channels)
+                raise loop.divergence(k, joint, channels)
         return moved
-
-
-class _Log:
-    """Preallocated channels, first axis time."""
-
-    def __init__(self, samples: int, nq: int, nv: int) -> None:
-        self.channels = empty_channels(samples, nq, nv)
-
-    def write(self, k: int, motion: Motion, output: Any, e_im: Array, tau_ext: Array) -> None:
-        channels = self.channels
-        channels["q"][k], channels["v"][k] = motion
-        channels["e_im"][k], channels["tau_ext"][k] = e_im, tau_ext
-        for name in _OUTPUT:
-            channels[name][k] = getattr(output, name)
 
 
 def empty_channels(

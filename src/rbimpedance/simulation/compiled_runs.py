@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from .._numba import warn_once
 from ..control.backends import is_available
@@ -25,8 +25,11 @@ from .sampling import sample, tick_times
 
 if TYPE_CHECKING:
     from ..robot.compiled.tables import ArmTables
-    from .compiled.loop import Between, Controlled
-    from .compiled.world import World
+    from .compiled.loop import Controlled
+    from .compiled.world import Outcome, World
+
+RunBlock: TypeAlias = "Callable[..., Outcome]"
+"""Runs a block of ticks, given the reference, what drives the environment, work space and log."""
 
 STATES = 20
 """Random states at which a plant's compiled dynamics are compared with Pinocchio's."""
@@ -46,26 +49,16 @@ def run_compiled(
     world = verified_world(loop, {}, STATES)
     if world is None:
         return None
-    from .compiled.log import journal  # noqa: PLC0415 (Numba is loaded when needed)
-    from .compiled.world import desk  # noqa: PLC0415
+    if on_tick is not None:
+        on_tick(0, loop.ticks)
 
-    nq, nv, dt = loop.plant.nq, loop.plant.nv, loop.controller.dt
-    channels, space = empty_channels(loop.ticks + 1, nq, nv), desk(nq, nv)
-    book = journal(channels)
-    tell = _ignore if on_tick is None else on_tick
-    tell(0, loop.ticks)
-    for block in blocks_to_do(loop, world, channels, checkpoint):
-        times = tick_times(block, dt)
-        reference = sample(loop.controller.arm, loop.trajectory, times)
-        drive = world.surroundings.sampled(world.times(block))
-        outcome = world.run(block, reference, drive, space, book)
-        if outcome.ending == "diverged":
-            raise loop.divergence(outcome.tick, outcome.joint, channels)
-        if outcome.ending == "unsound":
-            check_inputs(loop, world, reference, outcome.tick - block.start)
-            return None
-        tell(block.stop - 1, loop.ticks)
-    return loop.result(channels, loop.ticks + 1)
+    def run_block(block: range, *given: Any) -> Outcome:
+        outcome = world.run(block, *given)
+        if on_tick is not None and outcome.ending == "finished":
+            on_tick(block.stop - 1, loop.ticks)
+        return outcome
+
+    return _run_by_blocks(loop, world, run_block, checkpoint)
 
 
 def run_around_pinocchio(
@@ -97,83 +90,69 @@ def run_around_pinocchio(
         world = new_world(loop, known, read(loop.plant))
     except UnsupportedJointError:
         return None
-    return _AroundPinocchio(loop, world).run(on_tick, checkpoint)
+    return _run_by_blocks(loop, world, _around_pinocchio(loop, world, on_tick), checkpoint)
 
 
-class _AroundPinocchio:
-    """One run."""
+def _around_pinocchio(loop: ClosedLoop, world: World, on_tick: OnTick | None) -> RunBlock:
+    """Return the function that runs a block of ticks by kernels between Pinocchio's algorithms."""
+    from .._numba.layouts.tables import hold  # noqa: PLC0415 (Numba is loaded when needed)
+    from .compiled.loop import GOES_ON, loop_kernels  # noqa: PLC0415
+    from .compiled.world import Outcome  # noqa: PLC0415
 
-    def __init__(self, loop: ClosedLoop, world: World) -> None:
-        from .compiled.log import journal  # noqa: PLC0415 (Numba is loaded when needed)
-        from .compiled.world import desk  # noqa: PLC0415
+    controller: Any = loop.controller
+    tick, own = controller._form.in_place(world.memory.motion.tau)
+    aba, substeps = loop.plant.raw_dynamics.aba, range(loop.substeps)
 
-        self.loop, self.world = loop, world
-        nq, nv = loop.plant.nq, loop.plant.nv
-        self.channels, self.desk = empty_channels(loop.ticks + 1, nq, nv), desk(nq, nv)
-        self.journal = journal(self.channels)
-        controller: Any = loop.controller
-        self.tick, self.own = controller._form.in_place(world.memory.motion.tau)
-
-    def run(self, on_tick: OnTick | None, checkpoint: Checkpoint | None) -> SimulationResult | None:
-        """Run it; None where the compiled tick refuses inputs that the readable one takes."""
-        loop, world = self.loop, self.world
-        for block in blocks_to_do(loop, world, self.channels, checkpoint):
-            times = tick_times(block, loop.controller.dt)
-            reference = sample(loop.controller.arm, loop.trajectory, times)
-            drive = world.surroundings.sampled(world.times(block))
-            between = world.between(block, reference, drive, self.desk, self.journal)
-            refused = self._run_block(block, between, on_tick)
-            if refused is not None:
-                check_inputs(loop, world, reference, refused - block.start)
-                return None
-        return loop.result(self.channels, loop.ticks + 1)
-
-    def _run_block(self, block: range, between: Between, on_tick: OnTick | None) -> int | None:
-        """Run a block of ticks; return the one whose inputs are refused."""
-        from .._numba.layouts.tables import hold  # noqa: PLC0415
-        from .compiled.loop import GOES_ON, loop_kernels  # noqa: PLC0415
-
+    def run_block(block: range, *given: Any) -> Outcome:
+        between = world.between(block, *given)
         begin, act, move = loop_kernels(between)
         held, desk, (q, v, _, _, tau_ext) = hold(between), between.desk, between.motion
-        tick, own, memory = self.tick, self.own, between.block
-        aba, torque = self.loop.plant.raw_dynamics.aba, between.torque
-        reference, substeps = Reference(desk.q_d, desk.v_d, desk.a_d), range(self.loop.substeps)
+        memory, torque = between.block, between.torque
+        reference = Reference(desk.q_d, desk.v_d, desk.a_d)
         begin(held)
         for k in block:
             if not tick(own, memory, q, v, reference, tau_ext):
-                return k
+                return Outcome("unsound", k, 0)
             act(held)
             for i in substeps:
                 joint = move(held, aba(q, v, torque), k, i)
                 if joint != GOES_ON:
-                    raise self.loop.divergence(k, joint, self.channels)
-                if k == self.loop.ticks:
+                    return Outcome("diverged", k, joint)
+                if k == loop.ticks:
                     break
             if on_tick is not None:
-                on_tick(k, self.loop.ticks)
-        return None
+                on_tick(k, loop.ticks)
+        return Outcome("finished", 0, 0)
+
+    return run_block
 
 
-def blocks_to_do(
-    loop: ClosedLoop, world: World, channels: dict[str, Any], checkpoint: Checkpoint | None
-) -> Iterable[range]:
-    """Return the blocks of ticks of a run, or those that its checkpoint leaves to do.
+def _run_by_blocks(
+    loop: ClosedLoop, world: World, run_block: RunBlock, checkpoint: Checkpoint | None
+) -> SimulationResult | None:
+    """Run a loop block of ticks by block; None where the compiled tick refuses inputs that the readable one takes."""
+    from .compiled.log import journal  # noqa: PLC0415 (Numba is loaded when needed)
+    from .compiled.world import desk  # noqa: PLC0415
 
-    Args:
-        loop: The loop.
-        world: Its compiled form.
-        channels: The log.
-        checkpoint: Where the run keeps what it has so far; None for nowhere.
-    """
-    blocks, memory = world.settings.blocks(), world.memory
-    if checkpoint is None:
-        return blocks
-    arrays = (*memory.motion, memory.even, memory.odd)
-    return checkpoint.blocks(blocks, arrays, channels, loop.fingerprint())
-
-
-def _ignore(done: int, ticks: int) -> None:
-    del done, ticks
+    nq, nv = loop.plant.nq, loop.plant.nv
+    channels, space = empty_channels(loop.ticks + 1, nq, nv), desk(nq, nv)
+    book = journal(channels)
+    blocks: Iterable[range] = world.settings.blocks()
+    if checkpoint is not None:
+        arrays = (*world.memory.motion, world.memory.even, world.memory.odd)
+        blocks = checkpoint.blocks(blocks, arrays, channels, loop.fingerprint())
+    for block in blocks:
+        reference = sample(
+            loop.controller.arm, loop.trajectory, tick_times(block, loop.controller.dt)
+        )
+        drive = world.surroundings.sampled(world.times(block))
+        outcome = run_block(block, reference, drive, space, book)
+        if outcome.ending == "diverged":
+            raise loop.divergence(outcome.tick, outcome.joint, channels)
+        if outcome.ending == "unsound":
+            check_inputs(loop, world, reference, outcome.tick - block.start)
+            return None
+    return loop.result(channels, loop.ticks + 1)
 
 
 def verified_world(loop: ClosedLoop, known: dict[int, Controlled], states: int) -> World | None:

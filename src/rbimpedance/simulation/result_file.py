@@ -7,10 +7,10 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
-from uuid import uuid4
 
 import numpy as np
 
+from .._common.files import whole_file
 from ..control.telemetry import CHANNELS
 from ..exceptions import ModelError
 
@@ -47,15 +47,8 @@ def write(path: str | os.PathLike[str], content: Content) -> Path:
         target = target.with_name(target.name + ".npz")
     units = {name: UNITS[name] for name in content.arrays}
     header = {"format": FORMAT, "units": units, "provenance": content.provenance}
-    part = target.with_name(f"{target.name}.{uuid4().hex}.part")
-    try:
-        with part.open("xb") as file:
-            np.savez_compressed(file, header=np.array(json.dumps(header)), **content.arrays)
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(target)
-    finally:
-        part.unlink(missing_ok=True)
+    with whole_file(target) as file:
+        np.savez_compressed(file, header=np.array(json.dumps(header)), **content.arrays)
     return target
 
 

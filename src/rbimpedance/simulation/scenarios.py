@@ -69,18 +69,7 @@ class Scenario:
         checkpoint: Checkpoint | None = None,
     ) -> SimulationResult:
         """Run it; see `rbimpedance.simulate`."""
-        return simulate(
-            self.controller,
-            self.plant,
-            self.trajectory,
-            environment=self.environment,
-            q0=self.q0,
-            duration=self.duration,
-            substeps=self.substeps,
-            integrator=self.integrator,
-            on_tick=on_tick,
-            checkpoint=checkpoint,
-        )
+        return simulate(**vars(self), on_tick=on_tick, checkpoint=checkpoint)
 
     wrench = renamed_attribute("wrench", "environment")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -16,7 +17,7 @@ from ...law.certificate import Certificate
 from ...law.surfaces import Surface
 from ...simulation.energy import EnergyBalance
 from ...simulation.result import SimulationResult
-from .style import COLORS, STYLE, NotebookFigure, draw_channels, panels
+from .style import COLORS, STYLE, NotebookFigure, draw_cells, draw_channels, panels
 
 _FLOOR = 1e-12  # errors below it are drawn at it: a log scale has no zero
 
@@ -68,9 +69,8 @@ def torque_margins(result: SimulationResult, effort_limit: ArrayLike) -> Figure:
         draw_channels(axes[0], result, shares, r"$\tau$ / limit [1]")
         at_limit = np.where(result.saturated, np.sign(shares), np.nan)
         for i, line in enumerate(at_limit.T):
-            axes[0].plot(
-                result.t, line, color=COLORS[i % len(COLORS)], linewidth=3.0, linestyle="-"
-            )
+            style: Any = {"color": COLORS[i % len(COLORS)], "linewidth": 3.0, "linestyle": "-"}
+            axes[0].plot(result.t, line, **style)
         for side in (-1.0, 1.0):
             axes[0].axhline(side, color="black", linewidth=0.7)
     return figure
@@ -108,12 +108,8 @@ def phase_plane(result: SimulationResult, surface: Surface, joint: int = 0) -> F
         reach = 1.15 * max(np.abs(e1).max(), _FLOOR), 1.15 * max(np.abs(e2).max(), _FLOOR)
         x, y = np.meshgrid(*(np.linspace(-size, size, 201) for size in reach))
         nv = result.e1.shape[1]
-        s = np.array(
-            [
-                surface.value(np.full(nv, a), np.full(nv, b))[joint]
-                for a, b in zip(x.ravel(), y.ravel(), strict=True)
-            ]
-        )
+        points = zip(x.ravel(), y.ravel(), strict=True)
+        s = np.array([surface.value(np.full(nv, a), np.full(nv, b))[joint] for a, b in points])
         axes[0].contour(x, y, s.reshape(x.shape), levels=[0.0], colors=COLORS[1], linestyles="--")
         axes[0].plot([], [], color=COLORS[1], linestyle="--", label="$s = 0$")
         axes[0].plot(e1, e2, color=COLORS[0], label=result.joint_names[joint])
@@ -150,12 +146,10 @@ def robustness_map(
         picture = axes.imshow(shown, cmap="cividis_r", aspect="auto", origin="lower")
         figure.colorbar(picture, ax=axes, label=f"log10 of {labels[2]}")
         middle = (shown.max() + shown.min()) / 2.0
-        for i, k in np.ndindex(figures.shape):
-            text = f"{figures[i, k]:.1e}" if np.isfinite(figures[i, k]) else "diverged"
-            dark = np.isfinite(figures[i, k]) and shown[i, k] > middle
-            axes.text(
-                k, i, text, ha="center", va="center", fontsize=6.0, color="w" if dark else "k"
-            )
+        texts = np.array(
+            [[f"{x:.1e}" if np.isfinite(x) else "diverged" for x in r] for r in figures]
+        )
+        draw_cells(axes, texts, (shown > middle).filled(False), fontsize=6.0)
         axes.set_yticks(range(len(down)), [f"{x:g}" for x in down])
         axes.set_xticks(range(len(right)), [f"{x:g}" for x in right])
         axes.set_ylabel(labels[0])

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..._common.arrays import Array
-from .style import STYLE, NotebookFigure
+from .style import STYLE, NotebookFigure, draw_cells
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -66,12 +66,8 @@ def ratio_map(table: pa.Table) -> Figure:
         bar = figure.colorbar(picture, ax=axes, extend="both", label="ours / best of the others")
         ticks = {"1/32": -5, "1/8": -3, "1/2": -1, "1": 0, "2": 1, "8": 3, "32": 5}
         bar.set_ticks([power * np.log(2.0) for power in ticks.values()], labels=list(ticks))
-        for i, k in np.ndindex(ratios.shape):
-            value = ratios[i, k]
-            text = f"{value:.2g}" if np.isfinite(value) else "lost" if value > 0.0 else "alone"
-            dark = np.isfinite(value) and abs(np.log(value)) > 0.55 * reach
-            color = "w" if dark else "k"
-            axes.text(k, i, text, ha="center", va="center", fontsize=7.0, color=color)
+        texts = np.vectorize(_ratio_text)(ratios)
+        draw_cells(axes, texts, np.abs(shown.filled(0.0)) > 0.55 * reach, fontsize=7.0)
         axes.set_xticks(range(len(robots)), robots, rotation=30, ha="right")
         axes.set_yticks(range(len(names)), names)
     return figure
@@ -108,6 +104,10 @@ def pareto(table: pa.Table) -> Figure:
 
 FIGURES = {"deviation": deviations, "ratio": ratio_map, "pareto": pareto}
 """By the names of their files."""
+
+
+def _ratio_text(ratio: float) -> str:
+    return f"{ratio:.2g}" if np.isfinite(ratio) else "lost" if ratio > 0.0 else "alone"
 
 
 def _draw_spread(axes: Axes, i: int, logs: Array) -> None:

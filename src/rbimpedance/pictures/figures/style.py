@@ -13,8 +13,9 @@ from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from numpy.typing import NDArray
 
-from ..._common.arrays import Array
+from ..._common.arrays import Array, BoolArray
 from ...simulation.result import SimulationResult
 
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -56,6 +57,13 @@ def panels(
         axes[-1].set_xlabel(xlabel)
 
 
+def draw_cells(axes: Axes, texts: NDArray[np.str_], is_dark: BoolArray, fontsize: float) -> None:
+    """Write a text into every cell of a picture, light on dark cells."""
+    for (i, k), text in np.ndenumerate(texts):
+        color = "w" if is_dark[i, k] else "k"
+        axes.text(k, i, str(text), ha="center", va="center", color=color, fontsize=fontsize)
+
+
 def draw_channels(axes: Axes, result: SimulationResult, values: Array, label: str) -> None:
     """One line per joint, with a legend next to the axes."""
     for name, line in zip(result.joint_names, values.T, strict=True):
@@ -76,23 +84,11 @@ def name_lines(axes: Axes, lines: Sequence[Line2D]) -> None:
     ends = np.clip(to_axes.transform(last)[:, 1], 0.0, 1.0)
     inches = axes.bbox.height / axes.figure.dpi
     for line, end, place in zip(lines, ends, _apart(ends, 0.15 / inches), strict=True):
-        axes.annotate(
-            str(line.get_label()),
-            (1.0, end),
-            (1.05, place),
-            xycoords="axes fraction",
-            color=line.get_color(),
-            fontsize=7.5,
-            va="center",
-            arrowprops={
-                "arrowstyle": "-",
-                "color": line.get_color(),
-                "linewidth": 0.6,
-                "relpos": (0.0, 0.5),
-                "shrinkA": 1.0,
-                "shrinkB": 0.0,
-            },
-        )
+        label: Any = {"xycoords": "axes fraction", "fontsize": 7.5, "va": "center"}
+        arrow = {"arrowstyle": "-", "linewidth": 0.6, "relpos": (0.0, 0.5)}
+        label["arrowprops"] = arrow | {"color": line.get_color(), "shrinkA": 1.0, "shrinkB": 0.0}
+        text, color = str(line.get_label()), line.get_color()
+        axes.annotate(text, (1.0, end), (1.05, place), color=color, **label)
 
 
 def _apart(wanted: Array, gap: float) -> Array:

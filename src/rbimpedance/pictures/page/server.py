@@ -37,9 +37,8 @@ class Server:
         try:
             self._http = _Http(port, self)
         except (OSError, OverflowError) as error:
-            raise ParameterError(
-                "port", port, f"free on this machine, or 0 for any ({error})"
-            ) from error
+            words = f"free on this machine, or 0 for any ({error})"
+            raise ParameterError("port", port, words) from error
         threading.Thread(target=self._http.serve_forever, args=(0.05,), daemon=True).start()
 
     @property
@@ -101,9 +100,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         host = self.headers.get("Host", "").rpartition(":")[0]
-        if (
-            host not in _NAMES
-        ):  # a page of another site, under a name that it made mean this machine
+        if host not in _NAMES:  # another site's page, by a name that it made mean this machine
             self.send_error(403)
         elif self.path == "/":
             self._send_page(self.server.owner.page())
@@ -115,22 +112,21 @@ class _Handler(BaseHTTPRequestHandler):
     def log_message(self, *args: object) -> None:
         del args
 
-    def _send_page(self, content: bytes) -> None:
+    def _begin(self, kind: str, headers: Mapping[str, str] | None = None) -> None:
         self.send_response(200)
-        self.send_header("Content-Type", "text/html; charset=utf-8")
-        self.send_header("Content-Length", str(len(content)))
-        self.send_header("Cache-Control", "no-store")
+        fields = {"Content-Type": kind, "Cache-Control": "no-store", **(headers or {})}
+        for name, value in fields.items():
+            self.send_header(name, value)
         self.end_headers()
+
+    def _send_page(self, content: bytes) -> None:
+        self._begin("text/html; charset=utf-8", {"Content-Length": str(len(content))})
         self.wfile.write(content)
 
     def _send_news(self, known: str) -> None:
-        with self.server.owner.news(
-            known
-        ) as queue:  # before the answer: whoever has it misses nothing
-            self.send_response(200)
-            self.send_header("Content-Type", "text/event-stream")
-            self.send_header("Cache-Control", "no-store")
-            self.end_headers()
+        # The queue comes before the answer: whoever has that misses nothing.
+        with self.server.owner.news(known) as queue:
+            self._begin("text/event-stream")
             while (message := _next(queue)) is not None:
                 self.wfile.write(message.encode())
                 self.wfile.flush()

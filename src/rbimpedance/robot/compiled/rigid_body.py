@@ -79,8 +79,7 @@ from .tables import (
 _PLACEMENT, _ORIGIN = (
     0,
     9,
-)  # axes (9) and origin (3) of the joint from its parent, in its axes or the world's
-
+)  # axes and origin of the joint from its parent, in its axes or the world's
 _OMEGA, _OMEGA_RATE, _ACCELERATION = 12, 15, 18  # 3 each: inverse dynamics
 _VARIATION, _FORCE, _MOMENT = 21, 30, 33  # 9, 3, 3
 

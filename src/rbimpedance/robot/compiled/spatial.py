@@ -162,12 +162,6 @@ def power(m: SpatialMotion, f: Force) -> float:
 
 
 @fused
-def cross_motion(v: SpatialMotion, m: SpatialMotion) -> SpatialMotion:
-    """V × m (Featherstone, §2.9)."""
-    return cross(v[0], m[0]), add(cross(v[0], m[1]), cross(v[1], m[0]))
-
-
-@fused
 def cross_force(v: SpatialMotion, f: Force) -> Force:
     """V ×* f (Featherstone, §2.9)."""
     return add(cross(v[0], f[0]), cross(v[1], f[1])), cross(v[0], f[1])

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
-from numbers import Real
 
 from ..._common.suggestions import suggest
-from ...exceptions import ModelError, UnsupportedJointError
-from .strict_xml import LARGEST_NUMBER
-from .urdf_document import Mimic, UrdfDocument, listed
-from .urdf_reader import FARTHEST_LIMIT
-
-_SHOWN = 8  # reasons in one error
+from ...exceptions import ModelError
+from .urdf_document import UrdfDocument
+from .wording import listed
 
 
 def joints_to_lock(
@@ -56,52 +51,6 @@ def joints_to_lock(
     return frozenset(frozen)
 
 
-def root_mimics(mimics: Mapping[str, Mimic]) -> dict[str, Mimic]:
-    """Resolve joints that mimic mimicking joints; circles are left out.
-
-    Args:
-        mimics: What each mimicking joint follows directly.
-
-    Returns:
-        What each follows in the end, with the multipliers and offsets of the chain composed.
-    """
-    resolved = {}
-    for name in mimics:
-        seen, last = {name}, mimics[name]
-        while last.joint in mimics and last.joint not in seen:
-            seen.add(last.joint)
-            last = _composed(last, mimics[last.joint])
-        if last.joint not in seen:
-            resolved[name] = last
-    return resolved
-
-
-def given_positions(given: Mapping[str, float] | None) -> dict[str, float]:
-    """Return the positions that `locked_configuration=` gives.
-
-    Args:
-        given: Positions by joint [rad or m].
-
-    Raises:
-        ModelError: Something in it is no name, or no finite number.
-    """
-    try:
-        values = dict(given or {})
-    except (TypeError, ValueError) as error:
-        raise ModelError(f"locked_configuration= takes positions by name, got {given!r}") from error
-    for name, value in values.items():
-        try:
-            number = float(value) if isinstance(value, Real) else math.nan
-        except OverflowError:
-            number = math.inf
-        if not isinstance(name, str) or not abs(number) <= FARTHEST_LIMIT:
-            raise ModelError(
-                f"locked_configuration: '{name}' takes one finite number of at most {FARTHEST_LIMIT:g}, got {value!r}"
-            )
-        values[name] = number
-    return values
-
-
 def locked_positions(
     document: UrdfDocument, locked: Iterable[str], given: Mapping[str, float]
 ) -> dict[str, float]:
@@ -117,65 +66,17 @@ def locked_positions(
 
     def position(name: str) -> float:
         multiplier, offset, seen = 1.0, 0.0, {name}
-        while name not in given and name in mimics and mimics[name].joint in joints:
-            mimic = mimics[name]
-            if mimic.joint in seen:
+        while name not in given and (mimic := mimics.get(name)) is not None:
+            if mimic.joint in seen or mimic.joint not in joints:
                 break
-            seen.add(mimic.joint)
             multiplier, offset = multiplier * mimic.multiplier, offset + multiplier * mimic.offset
             name = mimic.joint
+            seen.add(name)
         leader = joints[name]
         own = given[name] if name in given else min(max(0.0, leader.lower), leader.upper)
         return multiplier * own + offset
 
     return {**given, **{name: position(name) for name in locked if name in mimics}}
-
-
-def check_mimics(document: UrdfDocument, mimics: Mapping[str, Mimic], order: Sequence[str]) -> None:
-    """Refuse mimicking joints that Pinocchio cannot model.
-
-    Args:
-        document: The document, in which locked joints mimic nothing any more.
-        mimics: Its mimicking joints, resolved by `root_mimics`.
-        order: Names of the joints in the order in which Pinocchio builds them.
-
-    Raises:
-        UnsupportedJointError: With the joints' names and the remedy.
-    """
-    kinds = {joint.name: joint.kind for joint in document.joints}
-    faults: dict[tuple[str, str], list[str]] = {}
-    for name, direct in document.mimics().items():
-        rule = mimics.get(name, direct)
-        circle = f"mimics '{rule.joint}' in a circle"
-        reason = _mimic_fault(name, rule, kinds, order) if name in mimics else circle
-        if reason:
-            faults.setdefault((rule.joint, reason), []).append(name)
-    if faults:
-        names = [name for group in faults.values() for name in group]
-        reasons = [
-            f"{listed(group)} {reason}" + ("" if primary in kinds else suggest(primary, kinds))
-            for (primary, reason), group in list(faults.items())[:_SHOWN]
-        ]
-        more = "; ..." if len(faults) > _SHOWN else ""
-        quoted = ", ".join(f'"{name}"' for name in names)
-        raise UnsupportedJointError(
-            names, f"{'; '.join(reasons)}{more}; correct the file or freeze with lock=({quoted},)"
-        )
-
-
-def _mimic_fault(name: str, rule: Mimic, kinds: Mapping[str, str], order: Sequence[str]) -> str:
-    """Why a joint cannot follow another one; empty where it can."""
-    primary = rule.joint
-    if primary not in kinds:
-        return f"mimics '{primary}', which does not exist"
-    allowed = ("continuous",) if kinds[primary] == "continuous" else ("revolute", "prismatic")
-    if kinds[primary] not in allowed or kinds[name] not in allowed:
-        return f"({kinds[name]}) mimics '{primary}' ({kinds[primary]}), which Pinocchio does not support"
-    if order.index(primary) > order.index(name):
-        return f"mimics '{primary}', which comes later in Pinocchio's tree"
-    if not max(abs(rule.multiplier), abs(rule.offset)) <= LARGEST_NUMBER:
-        return f"mimics '{primary}' with a multiplier or offset beyond {LARGEST_NUMBER:g}"
-    return ""
 
 
 def _leaders(name: str, follows: Mapping[str, str]) -> list[str]:
@@ -185,12 +86,6 @@ def _leaders(name: str, follows: Mapping[str, str]) -> list[str]:
         name = follows[name]
         leaders[name] = None
     return list(leaders)
-
-
-def _composed(mimic: Mimic, above: Mimic) -> Mimic:
-    """What a joint follows whose primary follows another one."""
-    multiplier = mimic.multiplier * above.multiplier
-    return Mimic(above.joint, multiplier, mimic.multiplier * above.offset + mimic.offset)
 
 
 def _known(argument: str, names: Iterable[str], known: Sequence[str]) -> set[str]:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import pinocchio as pin
 
 from ..._common.arrays import Array
-from ...exceptions import ModelError
-from .joint_selection import check_mimics, root_mimics
+from ..._common.suggestions import suggest
+from ...exceptions import ModelError, UnsupportedJointError
+from .strict_xml import LARGEST_NUMBER
 from .urdf_document import Mimic, UrdfDocument
+from .wording import listed
 
 _ROUNDING = 1e-9  # relative
+_SHOWN = 8  # reasons in one error
 
 # --- a document becomes a model ---------------------------------------------------------------------------------
 
@@ -34,7 +37,7 @@ def build_model(document: UrdfDocument, origin: str) -> pin.Model:
     if not mimics:
         return free
     roots = root_mimics(mimics)
-    check_mimics(document, roots, list(free.names))
+    _check_mimics(document, roots, list(free.names))
     model = _pinocchio_model(document.with_mimics(roots), origin)
     _add_mimicking_friction(model, document, roots)
     return model
@@ -45,6 +48,81 @@ def _pinocchio_model(document: UrdfDocument, origin: str) -> pin.Model:
         return pin.buildModelFromXML(document.to_xml(), True)
     except (ValueError, RuntimeError, IndexError) as error:
         raise ModelError(f"{origin}: Pinocchio cannot build this robot: {error}") from error
+
+
+def root_mimics(mimics: Mapping[str, Mimic]) -> dict[str, Mimic]:
+    """Resolve joints that mimic mimicking joints; circles are left out.
+
+    Args:
+        mimics: What each mimicking joint follows directly.
+
+    Returns:
+        What each follows in the end, with the multipliers and offsets of the chain composed.
+    """
+    resolved = {}
+    for name in mimics:
+        seen, last = {name}, mimics[name]
+        while last.joint in mimics and last.joint not in seen:
+            seen.add(last.joint)
+            last = _composed(last, mimics[last.joint])
+        if last.joint not in seen:
+            resolved[name] = last
+    return resolved
+
+
+def _composed(mimic: Mimic, above: Mimic) -> Mimic:
+    """What a joint follows whose primary follows another one."""
+    multiplier = mimic.multiplier * above.multiplier
+    return Mimic(above.joint, multiplier, mimic.multiplier * above.offset + mimic.offset)
+
+
+def _check_mimics(
+    document: UrdfDocument, mimics: Mapping[str, Mimic], order: Sequence[str]
+) -> None:
+    """Refuse mimicking joints that Pinocchio cannot model.
+
+    Args:
+        document: The document, in which locked joints mimic nothing any more.
+        mimics: Its mimicking joints, resolved by `root_mimics`.
+        order: Names of the joints in the order in which Pinocchio builds them.
+
+    Raises:
+        UnsupportedJointError: With the joints' names and the remedy.
+    """
+    kinds = {joint.name: joint.kind for joint in document.joints}
+    faults: dict[tuple[str, str], list[str]] = {}
+    for name, direct in document.mimics().items():
+        rule = mimics.get(name, direct)
+        circle = f"mimics '{rule.joint}' in a circle"
+        reason = _mimic_fault(name, rule, kinds, order) if name in mimics else circle
+        if reason:
+            faults.setdefault((rule.joint, reason), []).append(name)
+    if faults:
+        names = [name for group in faults.values() for name in group]
+        reasons = [
+            f"{listed(group)} {reason}" + ("" if primary in kinds else suggest(primary, kinds))
+            for (primary, reason), group in list(faults.items())[:_SHOWN]
+        ]
+        more = "; ..." if len(faults) > _SHOWN else ""
+        quoted = ", ".join(f'"{name}"' for name in names)
+        raise UnsupportedJointError(
+            names, f"{'; '.join(reasons)}{more}; correct the file or freeze with lock=({quoted},)"
+        )
+
+
+def _mimic_fault(name: str, rule: Mimic, kinds: Mapping[str, str], order: Sequence[str]) -> str:
+    """Why a joint cannot follow another one; empty where it can."""
+    primary = rule.joint
+    if primary not in kinds:
+        return f"mimics '{primary}', which does not exist"
+    allowed = ("continuous",) if kinds[primary] == "continuous" else ("revolute", "prismatic")
+    if kinds[primary] not in allowed or kinds[name] not in allowed:
+        return f"({kinds[name]}) mimics '{primary}' ({kinds[primary]}), which Pinocchio does not support"
+    if order.index(primary) > order.index(name):
+        return f"mimics '{primary}', which comes later in Pinocchio's tree"
+    if not max(abs(rule.multiplier), abs(rule.offset)) <= LARGEST_NUMBER:
+        return f"mimics '{primary}' with a multiplier or offset beyond {LARGEST_NUMBER:g}"
+    return ""
 
 
 def _add_mimicking_friction(

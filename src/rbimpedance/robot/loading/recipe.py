@@ -10,21 +10,18 @@ import pinocchio as pin
 
 from ..description import Description
 from .full_robot import FLOATING_BASE, FullRobot
-from .robot_text import folders_of
 
-RECIPE = frozenset(
-    {
-        *("source", "lock", "locked_configuration", "package_dirs", "repair", "tool_frame"),
-        *("massless", "armature"),
-    }
-)
+RECIPE = {
+    *("source", "lock", "locked_configuration", "package_dirs", "repair"),
+    *("tool_frame", "massless", "armature"),
+}
 """What a result's recipe for its robot may hold: arguments of `load_robot`."""
 
 
 def with_recipe(
     robot: FullRobot,
     source: object,
-    package_dirs: str | Path | Sequence[str | Path],
+    folders: Sequence[Path],
     repairs: tuple[str, ...],
 ) -> Description | None:
     """Return the description with the way to load it again, where the source has a name or a path.
@@ -32,7 +29,7 @@ def with_recipe(
     Args:
         robot: The robot.
         source: What `load_robot` was given.
-        package_dirs: The same.
+        folders: Folders in which packages are looked up.
         repairs: Names of the requested repairs.
     """
     description = robot.description
@@ -42,7 +39,7 @@ def with_recipe(
         "source": str(source) if robot.is_named else str(Path(str(source)).absolute()),
         "lock": sorted(robot.locked) + ([FLOATING_BASE] if robot.floats else []),
         "locked_configuration": {name: float(value) for name, value in robot.values.items()},
-        "package_dirs": [str(folder.absolute()) for folder in folders_of(package_dirs)],
+        "package_dirs": [str(folder.absolute()) for folder in folders],
     }
     if repairs:
         recipe["repair"] = list(repairs)

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterator
 
 import numpy as np
 from lxml import etree
 
 from ..._common.arrays import Array
-from ...exceptions import ModelError
 from .strict_xml import LARGEST_NUMBER, NUMBER
 from .urdf_document import MOMENTS, MOVABLE
 from .wording import shortened
@@ -77,42 +76,22 @@ def repaired(root: etree._Element, kinds: Collection[str]) -> tuple[tuple[str, s
     )
 
 
-def repair_names(repair: bool | str | Iterable[str]) -> tuple[str, ...]:
-    """Return the names of the repairs that `repair=` requests.
-
-    Raises:
-        ModelError: An unknown name.
-    """
-    if isinstance(repair, bool):
-        return tuple(REPAIRS) if repair else ()
-    try:
-        names = (repair,) if isinstance(repair, str) else tuple(repair)
-    except TypeError:
-        names = (repair,)  # type: ignore[assignment]
-    if unknown := [name for name in names if name not in REPAIRS]:
-        there = ", ".join(f'"{name}"' for name in REPAIRS)
-        raise ModelError(f"repair= takes True, False or names ({there}), got {unknown[0]!r}")
-    return names
-
-
-def _mend_commas(root: etree._Element) -> Iterator[str]:
+def _fix_commas(root: etree._Element) -> Iterator[str]:
     """Read "1,5" as 1.5 and "0,0,1" as "0 0 1"; "1,500" could be either number and is left alone."""
-    return _mend_numbers(root, _without_commas)
+    return _fix_numbers(root, _without_commas)
 
 
-def _mend_units(root: etree._Element) -> Iterator[str]:
+def _fix_units(root: etree._Element) -> Iterator[str]:
     """Read "1.5 kg" as 1.5 and "90deg" as π/2."""
-    return _mend_numbers(root, _without_units)
+    return _fix_numbers(root, _without_units)
 
 
-def _mend_numbers(
-    root: etree._Element, mend: Callable[[str, str, int], str | None]
-) -> Iterator[str]:
+def _fix_numbers(root: etree._Element, fix: Callable[[str, str, int], str | None]) -> Iterator[str]:
     for element in root.iter():
         for attribute, text in element.attrib.items():
             quantity, count = _NUMBERS.get((str(element.tag), str(attribute)), ("", 0))
             quantity = quantity.replace(_OF_JOINT, _position_of(element))
-            new = mend(str(text), quantity, count) if count and len(text) < 200 else None
+            new = fix(str(text), quantity, count) if count and len(text) < 200 else None
             if new is not None:
                 element.set(attribute, new)
                 what = f'<{element.tag}> {attribute!s} "{shortened(str(text))}" is taken as "{new}"'
@@ -153,7 +132,7 @@ def _position_of(element: etree._Element) -> str:
     return "length" if joint is not None and joint.get("type") == "prismatic" else "angle"
 
 
-def _mend_limits(root: etree._Element) -> Iterator[str]:
+def _fix_limits(root: etree._Element) -> Iterator[str]:
     """Limits in the wrong order are swapped."""
     for limit in root.iterfind("joint/limit"):
         lower, upper = (_number(limit.get(key, "0")) for key in ("lower", "upper"))
@@ -164,7 +143,7 @@ def _mend_limits(root: etree._Element) -> Iterator[str]:
             yield f"{_owner(limit)}: the limits {old[0]} and {old[1]} are swapped"
 
 
-def _mend_unlimited(root: etree._Element) -> Iterator[str]:
+def _fix_unlimited(root: etree._Element) -> Iterator[str]:
     """A revolute joint without <limit> is a continuous one; a limit that is infinite is not given."""
     for joint in root.iterfind("joint"):
         if joint.get("type") == "revolute" and joint.find("limit") is None:
@@ -191,7 +170,7 @@ def _not_given(key: str, text: str) -> str | None:
     return f"{is_negative}{LARGEST_NUMBER:g}" if wanted == is_negative else None
 
 
-def _mend_inertias(root: etree._Element) -> Iterator[str]:
+def _fix_inertias(root: etree._Element) -> Iterator[str]:
     """Moments of inertia that no body has become the nearest that one can have, if those are near.
 
     A rigid body's Σ = ½ tr(I)·1 − I, the second moment of its mass about the centre, is positive semi-definite; that is
@@ -221,7 +200,7 @@ def _inertia(second: Array, axes: Array) -> Array:
     return np.asarray(np.trace(moments) * np.eye(3) - moments)
 
 
-def _mend_names(root: etree._Element) -> Iterator[str]:
+def _fix_names(root: etree._Element) -> Iterator[str]:
     """White space around names, and around and in capitals of types, means nothing."""
     keys = {"link": "name", "joint": "name", "parent": "link", "child": "link", "mimic": "joint"}
     for element in root.iter(*keys):
@@ -256,11 +235,11 @@ def _owner(element: etree._Element | None) -> str:
 
 REPAIRS: dict[str, Callable[[etree._Element], Iterator[str]] | None] = {
     "encoding": None,  # made where the bytes are read
-    "name": _mend_names,
-    "comma": _mend_commas,
-    "unit": _mend_units,
-    "no-limit": _mend_unlimited,
-    "limit-order": _mend_limits,
-    "inertia": _mend_inertias,
+    "name": _fix_names,
+    "comma": _fix_commas,
+    "unit": _fix_units,
+    "no-limit": _fix_unlimited,
+    "limit-order": _fix_limits,
+    "inertia": _fix_inertias,
 }
 """The repairs by name, in the order in which they are made."""

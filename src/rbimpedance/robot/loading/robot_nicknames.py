@@ -6,30 +6,25 @@ from collections.abc import Iterable
 
 from ..._common.suggestions import suggest
 
+_ALONE = ("aloha", "fetch", "gen2", "gen3", "iiwa14", "iiwa7", "piper", "yumi")
+
 NICKNAMES = {
-    "aloha": ("aloha_description",),
+    **{name: (f"{name}_description",) for name in _ALONE},
     "barrett": ("wam7_description", "barrett_hand_description"),
     "emika": ("panda", "fr3_description"),
-    "fetch": ("fetch_description",),
     "fr3": ("fr3_description", "panda"),
     "franka": ("panda", "fr3_description"),
-    "gen2": ("gen2_description",),
-    "gen3": ("gen3_description",),
     "iiwa": ("iiwa14_description", "iiwa7_description"),
-    "iiwa14": ("iiwa14_description",),
-    "iiwa7": ("iiwa7_description",),
     "jaco": ("kinova", "gen2_description"),
     "kuka": ("iiwa14_description", "iiwa7_description"),
     "lbr": ("iiwa14_description", "iiwa7_description"),
     "lite6": ("xarm7",),
     "pal": ("talos_arm", "tiago"),
-    "piper": ("piper_description",),
     "so-arm100": ("so100",),
     "ufactory": ("xarm7",),
     "universal": ("ur5", "ur3", "ur10"),
     "unitree": ("z1", "g1", "go2"),
     "xarm": ("xarm7",),
-    "yumi": ("yumi_description",),
 }
 """Names of `load_robot` by maker, family or model, the best first."""
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import pkgutil
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,9 +17,9 @@ from typing import Any
 from ..._common.suggestions import suggest
 from ...exceptions import MissingExtraError, ModelError
 from .robot_nicknames import suggest_robot
-from .robot_text import SUFFIXES, Reading, RobotText, folders_of, is_file, read_path
+from .robot_text import SUFFIXES, RobotText, is_file, read_path
 from .wording import shortened
-from .xacro_expansion import xacro_arguments
+from .xacro_expansion import Reading, xacro_arguments
 
 _KINDS_OF_SOURCE = (
     "a source is a path to a .urdf or .xacro file, the XML text itself, the name of a robot that is bundled or comes "
@@ -29,7 +29,7 @@ _KINDS_OF_SOURCE = (
 
 def read_source(
     source: object,
-    package_dirs: str | Path | Sequence[str | Path] = (),
+    folders: tuple[Path, ...] = (),
     repair: Collection[str] = (),
     xacro_args: Mapping[str, object] | None = None,
 ) -> RobotText:
@@ -37,7 +37,7 @@ def read_source(
 
     Args:
         source: Path, XML text, name, or a `yourdfpy.URDF`.
-        package_dirs: Folders in which `package://` addresses and $(find package) are looked up.
+        folders: Folders in which `package://` addresses and $(find package) are looked up.
         repair: Names of the `REPAIRS` to make; "encoding" is made here.
         xacro_args: Values of a xacro file's arguments.
 
@@ -48,7 +48,7 @@ def read_source(
         ModelError: There is no such file or name, or it cannot be read.
         MissingExtraError: A robot_descriptions name without that package installed.
     """
-    reading = Reading(folders_of(package_dirs), repair, xacro_arguments(xacro_args))
+    reading = Reading(folders, repair, xacro_arguments(xacro_args))
     if isinstance(source, Path):
         return read_path(source, reading)
     if isinstance(source, str):

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection
+from dataclasses import dataclass
 from pathlib import Path
 
 from ..._common.suggestions import suggest
 from ...exceptions import ModelError
 from .encoding import decoded
 from .strict_xml import MAX_CHARACTERS
-from .xacro_expansion import XacroSetting, expand_xacro
+from .xacro_expansion import Reading, expand_xacro
 
 SUFFIXES = (".urdf", ".xacro", ".xml")
 """How robot descriptions end, in lower case."""
@@ -47,38 +47,6 @@ class RobotText:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Reading:
-    """What descriptions are read with.
-
-    Attributes:
-        folders: Folders in which packages are looked up.
-        repair: Names of the `REPAIRS` to make; "encoding" is made here.
-        xacro_args: Values of a xacro file's arguments.
-        xacro_defaults: The same, where `xacro_args` says nothing; the file need not know them.
-        packages: Folders of ROS packages by name.
-    """
-
-    folders: tuple[Path, ...] = ()
-    repair: Collection[str] = ()
-    xacro_args: Mapping[str, str] = field(default_factory=dict)
-    xacro_defaults: Mapping[str, str] = field(default_factory=dict)
-    packages: Mapping[str, str] = field(default_factory=dict)
-
-
-def folders_of(package_dirs: str | Path | Sequence[str | Path]) -> tuple[Path, ...]:
-    """Return the folders that `package_dirs=` names.
-
-    Raises:
-        ModelError: It names none.
-    """
-    try:
-        named = (package_dirs,) if isinstance(package_dirs, (str, Path)) else package_dirs
-        return tuple(Path(folder) for folder in named)
-    except TypeError as error:
-        raise ModelError(f"package_dirs= takes folders, got {package_dirs!r}") from error
-
-
 def read_path(path: Path, reading: Reading) -> RobotText:
     """Read a URDF or xacro file.
 
@@ -91,13 +59,7 @@ def read_path(path: Path, reading: Reading) -> RobotText:
     """
     text, notes = read_text(path, reading.repair)
     if path.suffix.lower() == ".xacro":
-        text = expand_xacro(
-            path,
-            text,
-            XacroSetting(
-                reading.xacro_args, reading.xacro_defaults, reading.folders, reading.packages
-            ),
-        )
+        text = expand_xacro(path, text, reading)
     elif reading.xacro_args:
         raise ModelError(f"xacro_args= is for .xacro files; '{path.name}' is none")
     beside = path.with_suffix(".srdf")

@@ -12,7 +12,7 @@ from ..._common.arrays import Array
 from ...exceptions import ModelError, UnsupportedJointError
 from ..arm_model import ArmModel
 from ..rigid_bodies import movable_joints
-from .urdf_document import listed
+from .wording import listed
 
 SMALLEST_INERTIA = 1e-9
 """Smallest inertia about a joint that counts as one [kg·m² or kg]."""
@@ -53,22 +53,17 @@ def massless_joints(model: pin.Model) -> tuple[str, ...]:
     )
 
 
-def check_mass(model: pin.Model) -> None:
-    """Refuse a model with joints that move no mass.
+def no_mass(names: Sequence[str], count: int) -> UnsupportedJointError:
+    """Return the error of joints that move no mass, with the remedies.
 
     Args:
-        model: The model.
-
-    Raises:
-        UnsupportedJointError: The joints, and the remedies.
+        names: The joints.
+        count: Number of all joints.
     """
-    names = massless_joints(model)
-    if not names:
-        return
-    raise UnsupportedJointError(
+    return UnsupportedJointError(
         names,
         "the links that it moves have no mass: their gravity and inertia are unknown; give them an <inertial> with "
-        f"mass{_or_lock(names, model.nv)}, or accept a model without gravity there: massless=True with the rotors' "
+        f"mass{_or_lock(names, count)}, or accept a model without gravity there: massless=True with the rotors' "
         "inertia as armature= (--massless --armature)",
     )
 

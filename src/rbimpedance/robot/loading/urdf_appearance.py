@@ -16,8 +16,7 @@ from ..._common.arrays import Array
 from ...exceptions import ModelError
 from .packages import Packages
 from .robot_text import RobotText, is_file
-from .urdf_document import listed
-from .wording import shortened
+from .wording import listed, shortened
 
 MAX_MESHES = 1000
 """Most mesh files that are looked for when a robot is loaded."""

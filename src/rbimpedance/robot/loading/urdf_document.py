@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from lxml import etree
 
 from ..._common.arrays import Array
+from .wording import listed
 
 MOVABLE = ("revolute", "continuous", "prismatic", "floating", "planar")
 """Types of joints that move."""
@@ -18,12 +19,6 @@ MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 _NO_LIMIT = float(np.finfo(np.float64).max)  # Pinocchio's; urdfdom reads no "inf"
-
-
-def listed(names: Sequence[str], most: int = 8) -> str:
-    """Return the names in quotes, the first ones where there are many."""
-    shown = ", ".join(f"'{name}'" for name in names[:most])
-    return shown + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 @dataclass(frozen=True)

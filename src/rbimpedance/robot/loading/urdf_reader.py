@@ -30,9 +30,9 @@ from .strict_xml import (
     required_child,
     text_of,
 )
-from .urdf_document import MOMENTS, MOVABLE, Inertial, Joint, Link, Mimic, UrdfDocument, listed
+from .urdf_document import MOMENTS, MOVABLE, Inertial, Joint, Link, Mimic, UrdfDocument
 from .urdf_tree import check_links
-from .wording import shortened
+from .wording import listed, shortened
 
 MAX_LINKS = 1000
 """Most links, and most joints, that are read: readers of URDF recurse over them."""

@@ -6,7 +6,8 @@ from collections.abc import Collection, Mapping
 
 from ..._common.suggestions import suggest
 from ...exceptions import ModelError
-from .urdf_document import Joint, UrdfDocument, listed
+from .urdf_document import Joint, UrdfDocument
+from .wording import listed
 
 _RESERVED = "universe"
 _NO_MOMENT = 1e-12  # kg·m²; smaller ones are rounding

@@ -1,6 +1,11 @@
-"""Words from a file as an error may show them: short, and without control characters."""
+"""How errors of the loader are worded: with their source, short, and without control characters."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+from ...exceptions import ModelError, UnsupportedJointError
 
 _SPACES = str.maketrans("\t\n\r", "   ")
 
@@ -18,3 +23,26 @@ def printable(text: str) -> str:
 def shortened(text: str, most: int = 80) -> str:
     """Return the beginning of a text, printable."""
     return printable(text[:most]) + ("..." if len(text) > most else "")
+
+
+def listed(names: Sequence[str], most: int = 8) -> str:
+    """Return the names in quotes, the first ones where there are many."""
+    shown = ", ".join(f"'{name}'" for name in names[:most])
+    return shown + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
+@contextmanager
+def error_context(origin: str) -> Iterator[None]:
+    """Let every error of the model name its origin, and hold nothing that a terminal would not print."""
+    try:
+        yield
+    except UnsupportedJointError as error:
+        reason = error.reason if origin in error.reason else f"in {origin}: {error.reason}"
+        raise UnsupportedJointError(
+            [printable(joint) for joint in error.joints], printable(reason)
+        ) from error.__cause__
+    except ModelError as error:
+        message = str(error) if origin in str(error) else f"{origin}: {error}"
+        raise ModelError(printable(message)) from error.__cause__
+    except MemoryError as error:
+        raise ModelError(f"{origin or 'the source'}: there is not enough memory for it") from error

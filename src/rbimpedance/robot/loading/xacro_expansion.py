@@ -8,14 +8,13 @@ import resource
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from ...exceptions import ModelError
 from .strict_xml import MAX_CHARACTERS, has_doctype
-from .urdf_document import listed
-from .wording import shortened
+from .wording import listed, shortened
 
 MAX_SECONDS = 30
 """Longest that the expansion of one file may take."""
@@ -27,19 +26,21 @@ _MACRO = re.compile(r"<xacro:macro\s[^>]{0,500}?name\s*=\s*[\"']([^\"']{1,200})"
 
 
 @dataclass(frozen=True)
-class XacroSetting:
-    """What a xacro file is expanded with.
+class Reading:
+    """What descriptions are read with.
 
     Attributes:
-        arguments: Values of its arguments by name.
-        defaults: The same, where `arguments` says nothing; the file need not know them.
-        folders: Folders in which $(find package) looks.
-        packages: Folders of packages by name.
+        folders: Folders in which packages are looked up.
+        repair: Names of the `REPAIRS` to make; "encoding" is made here.
+        xacro_args: Values of a xacro file's arguments.
+        xacro_defaults: The same, where `xacro_args` says nothing; the file need not know them.
+        packages: Folders of ROS packages by name.
     """
 
-    arguments: Mapping[str, str] = field(default_factory=dict)
-    defaults: Mapping[str, str] = field(default_factory=dict)
-    folders: Sequence[Path] = ()
+    folders: tuple[Path, ...] = ()
+    repair: Collection[str] = ()
+    xacro_args: Mapping[str, str] = field(default_factory=dict)
+    xacro_defaults: Mapping[str, str] = field(default_factory=dict)
     packages: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -64,13 +65,13 @@ def xacro_arguments(given: Mapping[str, object] | None) -> dict[str, str]:
     }
 
 
-def expand_xacro(path: Path, text: str, setting: XacroSetting | None = None) -> str:
+def expand_xacro(path: Path, text: str, reading: Reading) -> str:
     """Expand a xacro file. It is a program: only its time and memory are bounded, not what it reads and does.
 
     Args:
         path: The file.
         text: Its text.
-        setting: What it is expanded with.
+        reading: What it is expanded with.
 
     Returns:
         The text of the URDF.
@@ -83,8 +84,9 @@ def expand_xacro(path: Path, text: str, setting: XacroSetting | None = None) -> 
         raise ModelError(f"'{path.name}' declares a DOCTYPE; a xacro file needs none: remove it")
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as said:
         try:
-            task = _task(path, setting or XacroSetting())
-            code = _expand(task, path.absolute().parent, out.fileno(), said.fileno())
+            code = _expand(
+                _task(path, reading), path.absolute().parent, out.fileno(), said.fileno()
+            )
         except OSError as error:
             raise ModelError(f"xacro cannot be started for '{path.name}': {error}") from error
         said.seek(0)
@@ -102,15 +104,15 @@ def expand_xacro(path: Path, text: str, setting: XacroSetting | None = None) -> 
     return expanded
 
 
-def _task(path: Path, setting: XacroSetting) -> str:
+def _task(path: Path, reading: Reading) -> str:
     """The argument of `xacro_worker`."""
     return json.dumps(
         {
             "file": str(path.absolute()),
-            "arguments": {**setting.defaults, **setting.arguments},
-            "use": list(setting.arguments),
-            "folders": [str(folder.absolute()) for folder in setting.folders],
-            "packages": dict(setting.packages),
+            "arguments": {**reading.xacro_defaults, **reading.xacro_args},
+            "use": list(reading.xacro_args),
+            "folders": [str(folder.absolute()) for folder in reading.folders],
+            "packages": dict(reading.packages),
             "path": list(filter(None, sys.path)),
         }
     )
