@@ -1,4 +1,4 @@
-"""Results made by hand, for tests of what is done with results: a motion is given, nothing is simulated."""
+"""Results for tests of what is done with them: by hand, with nothing simulated, and of an arm that is pushed."""
 
 from __future__ import annotations
 
@@ -6,10 +6,15 @@ from typing import Any
 
 import numpy as np
 
+import rbimpedance as rbi
 from rbimpedance import ArmModel, SimulationResult
 from rbimpedance._common.arrays import Array
 from rbimpedance.control.provenance import provenance
 from rbimpedance.control.telemetry import FLAGS
+from rbimpedance.interaction import Push
+from rbimpedance.trajectories import cosine
+
+PUSH = Push([5.0, -3.0, 8.0, 0.5, 0.2, -0.3], 0.2, 0.6)
 
 
 class _NoController:
@@ -48,4 +53,20 @@ def swung(
         provenance=provenance(_NoController(), arm),
         plant=arm,
         **flags,
+    )
+
+
+def pushed_swing(
+    arm: ArmModel, dt: float, plant: ArmModel | None = None, **settings: Any
+) -> SimulationResult:
+    """A second of a swing under PD+ that `PUSH`, or another environment, disturbs."""
+    swing = cosine(arm, amplitude=0.3, period=2.0)
+    usual: dict[str, Any] = {"environment": PUSH, "substeps": 2, "integrator": "rk4"}
+    return rbi.simulate(
+        rbi.baselines.PDPlus(arm, rbi.Impedance(1.0, 20.0, 100.0), dt),
+        arm if plant is None else plant,
+        swing,
+        q0=swing(0.0).q,
+        duration=1.0,
+        **(usual | settings),
     )

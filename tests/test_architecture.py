@@ -124,7 +124,15 @@ def test_room_does_not_know_pinocchio(room: str) -> None:
 
 
 @pytest.mark.slow
-def test_importing_the_package_loads_no_heavy_library() -> None:
-    code = f"import sys, rbimpedance; print(*(set({HEAVY!r}) & set(sys.modules)))"
-    run = fresh_python(code)
+@pytest.mark.parametrize(
+    ("work", "unneeded"),
+    [
+        ("import rbimpedance", HEAVY),
+        ("import rbimpedance.control.compiled", ("numba",)),
+        ("import rbimpedance; rbimpedance.load_robot('panda')", ("yourdfpy",)),
+        ("import rbimpedance.cli.app", ("dask", "distributed", "matplotlib", "meshcat", "pyarrow")),
+    ],
+)
+def test_what_is_not_needed_is_not_loaded(work: str, unneeded: tuple[str, ...]) -> None:
+    run = fresh_python(f"import sys; {work}; print(*(set({unneeded!r}) & set(sys.modules)))")
     assert run.stdout.strip() == ""

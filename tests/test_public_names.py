@@ -10,13 +10,13 @@ import pytest
 import rbimpedance as rbi
 
 MOVED = {
-    "Push": "interaction.Push",
-    "Sum": "interaction.Sum",
-    "SuperTwistingMomentumObserver": "interaction.SuperTwistingMomentumObserver",
-    "engine_agreement": "simulation.plants.engine_agreement",
-    "Experiment": "study.Experiment",
-    "Task": "study.Task",
-    "summarize": "study.summarize",
+    name: f"{room}.{name}"
+    for room, names in {
+        "interaction": ("Push", "Sum", "SuperTwistingMomentumObserver"),
+        "simulation.plants": ("engine_agreement",),
+        "study": ("Experiment", "Task", "summarize"),
+    }.items()
+    for name in names
 }
 
 

@@ -174,14 +174,19 @@ def test_view_serves_the_page_until_it_is_interrupted() -> None:
         urllib.request.urlopen(url, timeout=5.0)
 
 
+BARE = """<robot name="bare"><link name="base"/><link name="arm"/>
+<joint name="bare" type="continuous"><parent link="base"/><child link="arm"/></joint></robot>"""
+XACRO = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="joint" default="a"/>
+<link name="base"/><link name="arm"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"
+ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="$(arg joint)" type="continuous">
+<parent link="base"/><child link="arm"/></joint></robot>"""
+
+
 def test_inspect_says_first_that_an_arm_without_masses_has_no_gravity(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     path = tmp_path / "bare.urdf"
-    path.write_text(
-        '<robot name="bare"><link name="base"/><link name="arm"/><joint name="bare" type="continuous">'
-        '<parent link="base"/><child link="arm"/></joint></robot>'
-    )
+    path.write_text(BARE)
     assert call(monkeypatch, "inspect", str(path), "--armature", "0.1") == 2
     assert "--massless --armature" in capsys.readouterr().err
     assert call(monkeypatch, "inspect", str(path), "--armature", "0.1", "--massless") == 0
@@ -193,12 +198,7 @@ def test_argument_of_a_xacro_file_is_passed_on(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     path = tmp_path / "arm.urdf.xacro"
-    path.write_text(
-        '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="joint" default="a"/>'
-        '<link name="base"/><link name="arm"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" '
-        'ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="$(arg joint)" type="continuous">'
-        '<parent link="base"/><child link="arm"/></joint></robot>'
-    )
+    path.write_text(XACRO)
     given = ("inspect", str(path), "--json", "--xacro-arg")
     assert call(monkeypatch, *given, "joint:=elbow") == 0
     assert json.loads(capsys.readouterr().out)["joint_names"] == ["elbow"]

@@ -21,7 +21,6 @@ from rbimpedance.cli.terminal import print_table, progress, table
 
 from ..arms import LIMIT, urdf, urdf_joint, urdf_link
 from ..command_line import call
-from ..isolation import fresh_python
 
 COMMANDS: Any = get_command(cli.app)
 START = Path(__file__).parents[2] / "docs" / "start.md"
@@ -93,15 +92,6 @@ def test_quiet_run_shows_neither_progress_nor_table_in_a_terminal(
     said = capsys.readouterr()
     assert plain(said.out).startswith("written: ")
     assert "simulating" not in said.err
-
-
-@pytest.mark.slow
-def test_nothing_that_only_figures_need_is_loaded_before_the_first_sign_of_life() -> None:
-    code = (
-        "import sys, rbimpedance.cli; print({'matplotlib', 'meshcat', 'pandas'} & set(sys.modules))"
-    )
-    done = fresh_python(code)
-    assert done.stdout == "set()\n"
 
 
 def test_progress_stays_out_of_files(capsys: pytest.CaptureFixture[str]) -> None:

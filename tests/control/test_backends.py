@@ -371,13 +371,14 @@ def screw() -> rbi.ArmModel:
     return rbi.ArmModel(model, name="screw", tool_frame="tip")
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("name", ["panda with fingers", "follower", "screw"])
-def test_dynamics_without_tables_are_left_to_pinocchio(
-    name: str, said: pytest.LogCaptureFixture, rng: np.random.Generator
+def test_dynamics_without_tables_are_left_to_pinocchio_and_compiled_says_so_once(
+    name: str, backend: Backend, said: pytest.LogCaptureFixture, rng: np.random.Generator
 ) -> None:
     arm = {"follower": arms.follower, "screw": screw}.get(name, lambda: rbi.load_robot("panda"))()
     for limits in (None, 3.0):
-        fast = controller(arm, "compiled", limits=limits)
+        fast = controller(arm, backend, limits=limits)
         plain = readable(fast)
         assert is_compiled(fast)
         for _ in range(5):
@@ -385,23 +386,8 @@ def test_dynamics_without_tables_are_left_to_pinocchio(
             truth = plain.step(plain.init(), *given)
             scale = max(np.abs(x).max() for x in truth[0])
             assert_same(fast.step(fast.init(), *given), truth, 1e-12, 1e-12 * scale)
-    assert [record.name for record in said.records] == ["rbimpedance"]
-    assert f"'{arm.name}' are left to Pinocchio" in said.text
-
-
-@pytest.mark.parametrize("name", ["panda with fingers", "follower", "screw"])
-def test_the_default_carries_joints_that_have_no_tables_without_a_word(
-    name: str, said: pytest.LogCaptureFixture, rng: np.random.Generator
-) -> None:
-    arm = {"follower": arms.follower, "screw": screw}.get(name, lambda: rbi.load_robot("panda"))()
-    for limits in (None, 3.0):
-        fast = controller(arm, "pinocchio", limits=limits)
-        given, plain = draw(arm, rng), readable(fast)
-        truth = plain.step(plain.init(), *given)
-        scale = max(np.abs(x).max() for x in truth[0])
-        assert is_compiled(fast)
-        assert_same(fast.step(fast.init(), *given), truth, 1e-12, 1e-12 * scale)
-    assert not said.records
+    assert [record.name for record in said.records] == ["rbimpedance"] * (backend == "compiled")
+    assert (f"'{arm.name}' are left to Pinocchio" in said.text) == (backend == "compiled")
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

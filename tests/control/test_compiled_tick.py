@@ -68,6 +68,12 @@ def controller(arm: rbi.ArmModel, **changes: Any) -> rbi.ImpedanceController:
     return rbi.ImpedanceController(arm, **(parts | changes))
 
 
+@pytest.fixture(params=WAYS)
+def way(request: pytest.FixtureRequest) -> type[CompiledForm]:
+    form: type[CompiledForm] = request.param
+    return form
+
+
 def tick(way: type[CompiledForm], specification: rbi.ImpedanceController) -> CompiledForm:
     return way(specification._law)
 
@@ -174,7 +180,6 @@ def test_ticks_are_those_of_the_specification(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("way", WAYS)
 def test_ticks_near_the_surface_are_those_of_the_specification(
     arm: rbi.ArmModel, way: type[CompiledForm], rng: np.random.Generator
 ) -> None:
@@ -190,7 +195,6 @@ def test_ticks_near_the_surface_are_those_of_the_specification(
             assert_same(specification, fast, (rest, q, v, reference, tau_ext))
 
 
-@pytest.mark.parametrize("way", WAYS)
 def test_no_error_at_all_gives_the_torque_of_the_model(
     way: type[CompiledForm], rng: np.random.Generator
 ) -> None:
@@ -208,7 +212,6 @@ def test_no_error_at_all_gives_the_torque_of_the_model(
         assert (answer[0].s == 0.0).all()
 
 
-@pytest.mark.parametrize("way", WAYS)
 def test_runs_of_ticks_stay_together(
     arm: rbi.ArmModel, way: type[CompiledForm], rng: np.random.Generator
 ) -> None:
@@ -228,7 +231,6 @@ def test_runs_of_ticks_stay_together(
     assert state.ticks == 200
 
 
-@pytest.mark.parametrize("way", WAYS)
 def test_a_repeated_tick_gives_the_same_bits(
     way: type[CompiledForm], rng: np.random.Generator
 ) -> None:
@@ -241,7 +243,6 @@ def test_a_repeated_tick_gives_the_same_bits(
         assert_array_equal(one, other)
 
 
-@pytest.mark.parametrize("way", WAYS)
 def test_inputs_are_not_changed(way: type[CompiledForm], rng: np.random.Generator) -> None:
     fast = tick(way, controller(arms.spinner(), limits=2.0))
     arguments = draw(fast.arm, rng, 2)
@@ -256,7 +257,6 @@ def test_inputs_are_not_changed(way: type[CompiledForm], rng: np.random.Generato
         assert_array_equal(one, other)
 
 
-@pytest.mark.parametrize("way", WAYS)
 def test_read_only_inputs_are_welcome(way: type[CompiledForm], rng: np.random.Generator) -> None:
     fast = tick(way, controller(arms.manipulator()))
     state, q, v, reference, tau_ext = draw(fast.arm, rng, 1)
@@ -272,7 +272,6 @@ UNSOUND: dict[str, Any] = {
 }
 
 
-@pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("name", UNSOUND)
 def test_numbers_that_are_not_finite_are_refused(
     way: type[CompiledForm], name: str, rng: np.random.Generator
@@ -284,7 +283,6 @@ def test_numbers_that_are_not_finite_are_refused(
     assert take(fast, *arguments) is None
 
 
-@pytest.mark.parametrize("way", WAYS)
 def test_sizes_that_do_not_fit_are_refused(
     way: type[CompiledForm], rng: np.random.Generator
 ) -> None:
@@ -298,7 +296,6 @@ def test_sizes_that_do_not_fit_are_refused(
     assert take(fast, other, *sound[1:]) is None
 
 
-@pytest.mark.parametrize("way", WAYS)
 def test_a_pair_that_is_no_cosine_and_sine_is_refused(
     way: type[CompiledForm], rng: np.random.Generator
 ) -> None:
@@ -308,7 +305,6 @@ def test_a_pair_that_is_no_cosine_and_sine_is_refused(
     assert take(fast, state, q, v, reference, tau_ext) is None
 
 
-@pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -334,7 +330,6 @@ def test_what_is_no_plain_vector_is_a_type_error(
         take(fast, *arguments)
 
 
-@pytest.mark.parametrize("way", WAYS)
 def test_what_is_no_state_or_reference_is_a_type_error(
     way: type[CompiledForm], rng: np.random.Generator
 ) -> None:
@@ -356,7 +351,6 @@ def test_what_is_no_state_or_reference_is_a_type_error(
     assert step(own, packed, q, v, reference, tau_ext) is not None
 
 
-@pytest.mark.parametrize("way", WAYS)
 def test_output_and_state_behave_as_the_named_tuples_they_stand_for(
     way: type[CompiledForm], rng: np.random.Generator
 ) -> None:
@@ -385,7 +379,6 @@ def test_output_and_state_behave_as_the_named_tuples_they_stand_for(
     assert_array_equal(state.z, answer[1].z)
 
 
-@pytest.mark.parametrize("way", WAYS)
 def test_arrays_of_an_output_are_the_users_own_and_those_of_a_state_cannot_change(
     way: type[CompiledForm], rng: np.random.Generator
 ) -> None:
@@ -426,13 +419,6 @@ def test_fused_ticks_carry_joints_that_follow_others(rng: np.random.Generator) -
         for ticks in range(5):
             arguments = draw(specification.arm, rng, ticks)
             assert_same(specification, tick(PinocchioTick, specification), arguments)
-
-
-@pytest.mark.slow
-def test_package_does_not_load_numba_until_it_is_needed() -> None:
-    code = "import sys, rbimpedance, rbimpedance.control.compiled; print('numba' in sys.modules)"
-    run = fresh_python(code)
-    assert run.stdout.strip() == "False"
 
 
 @pytest.mark.slow

@@ -161,6 +161,11 @@ def flat(answer: tuple[rbi.ControllerOutput, rbi.ControllerState]) -> list[NDArr
     return [x for part in answer for x in part if isinstance(x, np.ndarray)]
 
 
+def assert_all_equal(some: list[NDArray[Any]], others: list[NDArray[Any]]) -> None:
+    for x, y in zip(some, others, strict=True):
+        assert_array_equal(x, y)
+
+
 def arrays(tick: Tick) -> list[Array]:
     state, q, v, reference, tau_ext = tick
     return [*(x for x in state if isinstance(x, np.ndarray)), q, v, *reference, tau_ext]
@@ -175,8 +180,7 @@ def test_torque_is_unchanged_when_step_is_repeated(
     tick = draw(controller, rng)
     first = flat(controller.step(*tick))
     controller.step(*draw(controller, rng))
-    for x, y in zip(flat(controller.step(*tick)), first, strict=True):
-        assert_array_equal(x, y)
+    assert_all_equal(flat(controller.step(*tick)), first)
 
 
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
@@ -189,8 +193,7 @@ def test_step_leaves_its_arguments_alone(
         tick = tick if state is None else tick._replace(state=state)
         before = [x.copy() for x in arrays(tick)]
         controller.step(*tick)
-        for x, y in zip(arrays(tick), before, strict=True):
-            assert_array_equal(x, y)
+        assert_all_equal(arrays(tick), before)
 
 
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
@@ -242,8 +245,7 @@ def test_pickled_controller_gives_the_same_answer(
     controller = build(spinner)
     other = pickle.loads(pickle.dumps(controller))
     tick = draw(controller, rng)
-    for x, y in zip(flat(other.step(*tick)), flat(controller.step(*tick)), strict=True):
-        assert_array_equal(x, y)
+    assert_all_equal(flat(other.step(*tick)), flat(controller.step(*tick)))
 
 
 def test_form_of_the_measurements_does_not_matter(
@@ -253,8 +255,7 @@ def test_form_of_the_measurements_does_not_matter(
     state, q, v, reference, tau_ext = tick = draw(controller, rng)
     swapped = rbi.Reference(*(x.astype(">f8") for x in reference))
     other = controller.step(state, q.tolist(), np.repeat(v, 2)[::2], swapped, tau_ext.astype(">f8"))
-    for x, y in zip(flat(other), flat(controller.step(*tick)), strict=True):
-        assert_array_equal(x, y)
+    assert_all_equal(flat(other), flat(controller.step(*tick)))
 
 
 # --- gains per joint -----------------------------------------------------------------------------
@@ -285,8 +286,7 @@ def test_equal_gains_per_joint_are_the_scalar_gain(
     scalar, vector = build(spinner), build(spinner, **changes)
     for _ in range(5):
         tick = draw(scalar, rng)
-        for x, y in zip(flat(vector.step(*tick)), flat(scalar.step(*tick)), strict=True):
-            assert_array_equal(x, y)
+        assert_all_equal(flat(vector.step(*tick)), flat(scalar.step(*tick)))
 
 
 def test_each_joint_obeys_its_own_gains(spinner: rbi.ArmModel, rng: np.random.Generator) -> None:

@@ -62,7 +62,7 @@ class Run(NamedTuple):
 
 Trajectory = Callable[[float], Reference]
 Measure = Callable[[int, Array, Array], tuple[Array, Array]]
-Torque = Callable[[int], Array]
+Torque = Callable[[int], Array | float]
 
 
 def run(
@@ -71,9 +71,9 @@ def run(
     ticks: int,
     *,
     trajectory: Trajectory | None = None,
-    kick: Array | None = None,
-    push: Torque | None = None,
-    measure: Measure | None = None,
+    kick: Array | float = 0.0,
+    push: Torque = lambda _k: 0.0,
+    measure: Measure = lambda _k, q, v: (q, v),
     braked: range = range(0),
 ) -> Run:
     """A closed loop with an exact model: a kick is a true velocity at once, a push an untold torque."""
@@ -82,9 +82,8 @@ def run(
     state, v, zero = controller.init(), np.zeros(arm.nv), np.zeros(arm.nv)
     log: list[tuple[float, Array, str, float, bool]] = []
     for k in range(ticks):
-        v = zero if k in braked else v + kick if kick is not None and k == KICK else v
-        measured = (q, v) if measure is None else measure(k, q, v)
-        output, state = controller.step(state, *measured, trajectory(k * DT), zero)
+        v = zero if k in braked else v + kick if k == KICK else v
+        output, state = controller.step(state, *measure(k, q, v), trajectory(k * DT), zero)
         is_guard = isinstance(controller, FaultGuard)
         log.append(
             (
@@ -96,8 +95,7 @@ def run(
             )
         )
         for _ in range(0 if k in braked else SUBSTEPS):
-            torque = output.tau if push is None else output.tau + push(k)
-            v = v + DT / SUBSTEPS * plant.forward_dynamics(q, v, torque)
+            v = v + DT / SUBSTEPS * plant.forward_dynamics(q, v, output.tau + push(k))
             q = plant.integrate(q, DT / SUBSTEPS * v)
         if not np.isfinite(v).all():
             log[-1] = (np.inf, *log[-1][1:])
@@ -186,10 +184,10 @@ FLICKER: dict[str, Measure] = {
 """What encoders make of the joints' angles, continuous ones among them."""
 
 
-def encoded(arm: rbi.ArmModel, flicker: str) -> Measure | None:
+def encoded(arm: rbi.ArmModel, flicker: str) -> Measure:
     """The encoders, as what is measured of q and v."""
     if flicker == "the same bits":
-        return None
+        return lambda _k, q, v: (q, v)
 
     def measure(k: int, q: Array, v: Array) -> tuple[Array, Array]:
         angles, v = FLICKER[flicker](k, arm.difference(arm.zero, q), v)

@@ -14,7 +14,6 @@ import rbimpedance as rbi
 from rbimpedance.interaction import (
     Chain,
     Delay,
-    Interaction,
     JointTorque,
     LowPass,
     Perfect,
@@ -23,11 +22,12 @@ from rbimpedance.interaction import (
 )
 from rbimpedance.interaction.estimators import MomentumObserver, SuperTwistingMomentumObserver
 from rbimpedance.simulation.replay import replay_sensor
-from rbimpedance.trajectories import cosine, hold
+from rbimpedance.trajectories import hold
 
 from .. import laws
 from ..arms import ARMS, manipulator
 from ..oracles import two_link
+from ..runs import pushed_swing
 
 Array = NDArray[np.float64]
 GAIN = 80.0
@@ -51,27 +51,6 @@ ESTIMATORS: dict[str, Callable[[rbi.ArmModel, float], Sensor[Any]]] = {
 }
 
 
-def swing(
-    arm: rbi.ArmModel,
-    plant: rbi.ArmModel,
-    dt: float,
-    wrench: Interaction,
-    sensor: Sensor[Any] | None = None,
-) -> rbi.SimulationResult:
-    trajectory = cosine(arm, amplitude=0.3, period=2.0)
-    return rbi.simulate(
-        rbi.baselines.PDPlus(arm, rbi.Impedance(1.0, 20.0, 100.0), dt),
-        plant,
-        trajectory,
-        environment=wrench,
-        sensor=sensor,
-        q0=trajectory(0.0).q,
-        duration=1.0,
-        substeps=2,
-        integrator="rk4",
-    )
-
-
 @pytest.mark.parametrize("name", ARMS)
 def test_torque_on_an_arm_that_is_held_comes_through_a_first_order_low_pass(name: str) -> None:
     arm, dt = ARMS[name](), 2e-3
@@ -92,7 +71,7 @@ def test_moving_arm_makes_no_torque_of_its_own_to_second_order(name: str) -> Non
     push = Push([5.0, -3.0, 8.0, 0.5, 0.2, -0.3], 0.2, 0.6)
     steps, errors = np.array([8e-3, 4e-3, 2e-3]), []
     for dt in steps:
-        result = swing(arm, arm, dt, push)
+        result = pushed_swing(arm, dt, environment=push)
         mean = (result.tau_ext[1:] + result.tau_ext[:-1]) / 2.0  # of a period
         r = np.zeros_like(result.tau)
         for k in range(1, len(r)):
@@ -105,7 +84,7 @@ def test_moving_arm_makes_no_torque_of_its_own_to_second_order(name: str) -> Non
 @pytest.mark.slow
 def test_ramp_is_followed_late_by_the_delay() -> None:
     arm, dt, rate = manipulator(), 1e-3, np.linspace(2.0, -3.0, 6)
-    result = swing(arm, arm, dt, JointTorque(lambda t: rate * t))
+    result = pushed_swing(arm, dt, environment=JointTorque(lambda t: rate * t))
     observer = momentum(arm, dt)
     late = rate * (result.t[-1] - observer.delay)
     assert_allclose(replay_sensor(result, observer)[-1], late, rtol=0.0, atol=2e-3)
@@ -116,7 +95,7 @@ def test_ramp_is_followed_late_by_the_delay() -> None:
 @pytest.mark.slow
 def test_super_twisting_estimate_is_the_disturbance_of_a_run_without_measured_torque() -> None:
     arm, dt = manipulator(), 1e-3
-    result = swing(arm, arm, dt, JointTorque(np.linspace(-3.0, 4.0, 6)))
+    result = pushed_swing(arm, dt, environment=JointTorque(np.linspace(-3.0, 4.0, 6)))
     estimate = replay_sensor(result, super_twisting(arm, dt))
     assert_allclose(estimate[result.t > 0.5], result.tau_ext[result.t > 0.5], atol=5e-3)
 
@@ -146,7 +125,7 @@ def test_what_the_model_lacks_is_told_as_contact_and_nothing_else(
 ) -> None:
     arm = manipulator()
     plant = arm.with_scaled_inertia(1.1).with_friction(viscous=arm.viscous + 0.5)
-    result = swing(arm, plant, 1e-3, Push([5.0, -3.0, 8.0, 0.5, 0.2, -0.3], 0.2, 0.6))
+    result = pushed_swing(arm, 1e-3, plant)
     acceleration_deficit = []
     for q, v, tau, tau_ext in zip(result.q, result.v, result.tau, result.tau_ext, strict=True):
         a = plant.forward_dynamics(q, v, tau, tau_ext)
@@ -207,8 +186,7 @@ def test_sense_tells_what_the_controller_was_told() -> None:
             return super().step(state, *measured)
 
     sensor = Chain(momentum(arm, dt), Delay(2), LowPass(30.0, dt))
-    push = Push([5.0, -3.0, 8.0, 0.5, 0.2, -0.3], 0.2, 0.6)
-    result = swing(arm, arm, dt, push, Chain(sensor, Spy()))
+    result = pushed_swing(arm, dt, sensor=Chain(sensor, Spy()))
     assert_array_equal(replay_sensor(result, sensor), told)
 
 

@@ -84,9 +84,8 @@ def step_torque(t: float) -> list[float]:
 
 def simulate(sensor: Sensor[Any] | None) -> rbi.SimulationResult:
     arm = rbi.load_robot("two_link")
-    controller = laws.controller(arm, dt=DT)
     return rbi.simulate(
-        controller,
+        laws.controller(arm, dt=DT),
         arm,
         hold(arm),
         environment=JointTorque(step_torque),

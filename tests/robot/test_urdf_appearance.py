@@ -16,7 +16,6 @@ from rbimpedance.robot.loading.urdf_appearance import find_mesh
 from rbimpedance.robot.loading.urdf_reader import parse_urdf
 
 from ..arms import spinner_urdf, urdf
-from ..isolation import fresh_python
 
 MESH = '<visual><geometry><mesh filename="{}"/></geometry>{}</visual>'
 
@@ -125,15 +124,6 @@ def test_package_begins_at_its_package_xml_or_above_the_folder_of_the_file(mesh:
 def test_colour_that_does_not_parse_does_not_refuse_the_arm() -> None:
     colour = '<material name="red"><color rgba="1,0,0,1"/></material>'
     assert rbi.load_robot(spinner_urdf(colour)).notes == rbi.load_robot(spinner_urdf()).notes
-
-
-@pytest.mark.slow
-def test_loading_a_robot_does_not_load_what_draws_it() -> None:
-    code = (
-        "import sys, rbimpedance as rbi; rbi.load_robot('panda'); print('yourdfpy' in sys.modules)"
-    )
-    out = fresh_python(code)
-    assert out.stdout == "False\n"
 
 
 def test_file_address_with_an_empty_host_is_found(mesh: Path) -> None:

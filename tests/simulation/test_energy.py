@@ -7,29 +7,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 import rbimpedance as rbi
-from rbimpedance.interaction import Push, Wall
+from rbimpedance.interaction import Wall
 from rbimpedance.simulation.energy import energy_balance
-from rbimpedance.simulation.plants.integrators import Integrator
-from rbimpedance.trajectories import cosine, hold
+from rbimpedance.trajectories import hold
 
 from ..arms import ARMS, manipulator, pendulum
-
-
-def run(
-    arm: rbi.ArmModel, dt: float, integrator: Integrator = "rk4", substeps: int = 2
-) -> rbi.SimulationResult:
-    """A swing that is pushed."""
-    swing = cosine(arm, amplitude=0.3, period=2.0)
-    return rbi.simulate(
-        rbi.baselines.PDPlus(arm, rbi.Impedance(1.0, 20.0, 100.0), dt),
-        arm,
-        swing,
-        environment=Push([5.0, -3.0, 8.0, 0.5, 0.2, -0.3], 0.2, 0.6),
-        q0=swing(0.0).q,
-        duration=1.0,
-        substeps=substeps,
-        integrator=integrator,
-    )
+from ..runs import pushed_swing
 
 
 @pytest.mark.slow
@@ -39,7 +22,7 @@ def test_balance_closes_to_second_order_in_the_period(name: str) -> None:
     steps = np.array([8e-3, 4e-3, 2e-3])
     lost = []
     for dt in steps:
-        energy = energy_balance(run(arm, float(dt)), arm)
+        energy = energy_balance(pushed_swing(arm, float(dt)), arm)
         exchanged = np.ptp(energy.environment) + np.ptp(energy.friction)
         lost.append(np.abs(energy.residual).max() / exchanged)
     assert lost[-1] < 1e-3
@@ -49,7 +32,7 @@ def test_balance_closes_to_second_order_in_the_period(name: str) -> None:
 @pytest.mark.slow
 def test_balance_closes_for_semi_implicit_euler_too() -> None:
     arm = manipulator()
-    energy = energy_balance(run(arm, 1e-3, "semi-implicit", 4), arm)
+    energy = energy_balance(pushed_swing(arm, 1e-3, integrator="semi-implicit", substeps=4), arm)
     assert np.abs(energy.residual).max() < 5e-3 * np.ptp(energy.environment)
 
 
@@ -114,4 +97,4 @@ def test_friction_and_a_damped_wall_only_take() -> None:
 def test_another_arm_than_the_plant_is_refused() -> None:
     arm = manipulator()
     with pytest.raises(rbi.ModelError, match="another arm"):
-        energy_balance(run(arm, 8e-3), arm.with_payload(1.0))
+        energy_balance(pushed_swing(arm, 8e-3), arm.with_payload(1.0))

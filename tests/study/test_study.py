@@ -31,7 +31,6 @@ from rbimpedance.study.table import as_table
 
 from ..arms import spinner
 from ..command_line import call
-from ..isolation import fresh_python
 from ..studies import (
     CONTROLLERS,
     SMALL,
@@ -465,10 +464,3 @@ def test_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path)
 
 def test_study_of_a_module_is_found_by_its_name() -> None:
     assert find_study("tests.studies:SMALL") is SMALL
-
-
-@pytest.mark.slow
-def test_command_line_loads_neither_dask_nor_pyarrow() -> None:
-    code = "import sys, rbimpedance.cli.app; print({'dask', 'distributed', 'pyarrow'} & set(sys.modules))"
-    run = fresh_python(code)
-    assert run.stdout.strip() == "set()"

@@ -404,14 +404,9 @@ def designed(arm: rbi.ArmModel, **imperfect: Any) -> Design:
         uncertainty=Uncertainty(payload=1.0, **imperfect),
         trajectory=swing(arm),
         dt=1e-3,
-        surface=None,
         duration=3.0,
-        accuracy=1e-3,
         samples=6,
         instants=9,
-        seed=0,
-        spread=MotionMargin(),
-        limits=None,
     )
     return design(task, measure_task(task))
 

@@ -10,7 +10,7 @@ import numpy as np
 import rbimpedance as rbi
 from benchmarks.arms import DT
 from rbimpedance.trajectories import Trajectory
-from rbimpedance.tuning import GainProposal, MotionMargin, PlantSample, Uncertainty, propose_gains
+from rbimpedance.tuning import GainProposal, PlantSample, Uncertainty, propose_gains
 from rbimpedance.tuning.gain_design import DesignTask, design, measure_task
 from rbimpedance.tuning.worst_case import controller_for, needed_variation, true_error
 
@@ -59,14 +59,8 @@ def knowing(plant: rbi.ArmModel, trajectory: Trajectory) -> dict[str, float]:
         uncertainty=Uncertainty(),
         trajectory=trajectory,
         dt=DT,
-        surface=None,
         duration=DURATION,
-        accuracy=1e-3,
         samples=1,
-        instants=25,
-        seed=0,
-        spread=MotionMargin(),
-        limits=None,
     )
     gains = design(task, measure_task(task))
     controller = controller_for(gains, DT, rbi.Impedance(1.0, 10.0, 20.0), None)

@@ -26,9 +26,9 @@ class Channel(NamedTuple):
 
     name: str
     unit: str
-    size: Literal["1", "nq", "nv", "6"]
-    source: Literal["controller", "plant", "derived"]
     doc: str
+    size: Literal["1", "nq", "nv", "6"] = "nv"
+    source: Literal["controller", "plant", "derived"] = "controller"
 
     @property
     def is_flag(self) -> bool:
@@ -47,30 +47,30 @@ class Channel(NamedTuple):
 
 
 CHANNELS = (
-    Channel("t", "s", "1", "plant", "time k·dt"),
-    Channel("q", "rad or m; (cos, sin) on continuous joints", "nq", "plant", "configuration"),
-    Channel("v", "rad/s or m/s", "nv", "plant", "velocity"),
-    Channel("q_r", "as q", "nq", "controller", "impedance reference"),
-    Channel("e1", "rad or m", "nv", "controller", "position error q_r (-) q"),
-    Channel("e2", "rad/s or m/s", "nv", "controller", "velocity error v_r - v"),
-    Channel("e_im", "N·m or N", "nv", "plant", "impedance error, paper, eq. (5)"),
-    Channel("s", "rad/s or m/s", "nv", "controller", "sliding variable"),
-    Channel("tau", "N·m or N", "nv", "controller", "motor torque, held from t on"),
-    Channel("tau_ext", "N·m or N", "nv", "plant", "torque of the environment"),
-    Channel("saturated", "bool", "nv", "controller", "the joint is at its torque limit"),
-    Channel("rate_limited", "bool", "nv", "controller", "its torque may not change faster"),
+    Channel("t", "s", "time k·dt", size="1", source="plant"),
     Channel(
-        "clipped", "bool", "nv", "controller", "a BoundedSurface sees less than its whole error"
+        "q", "rad or m; (cos, sin) on continuous joints", "configuration", size="nq", source="plant"
     ),
-    Channel("reference_limited", "bool", "nv", "controller", "a guard holds its reference back"),
+    Channel("v", "rad/s or m/s", "velocity", source="plant"),
+    Channel("q_r", "as q", "impedance reference", size="nq"),
+    Channel("e1", "rad or m", "position error q_r (-) q"),
+    Channel("e2", "rad/s or m/s", "velocity error v_r - v"),
+    Channel("e_im", "N·m or N", "impedance error, paper, eq. (5)", source="plant"),
+    Channel("s", "rad/s or m/s", "sliding variable"),
+    Channel("tau", "N·m or N", "motor torque, held from t on"),
+    Channel("tau_ext", "N·m or N", "torque of the environment", source="plant"),
+    Channel("saturated", "bool", "the joint is at its torque limit"),
+    Channel("rate_limited", "bool", "its torque may not change faster"),
+    Channel("clipped", "bool", "a BoundedSurface sees less than its whole error"),
+    Channel("reference_limited", "bool", "a guard holds its reference back"),
     Channel(
         "wrench",
         "N, N·m",
-        "6",
-        "derived",
         "wrench of the environment at the tool frame, world axes",
+        size="6",
+        source="derived",
     ),
-    Channel("tau_stop", "N·m or N", "nv", "derived", "torque of the joint stops"),
+    Channel("tau_stop", "N·m or N", "torque of the joint stops", source="derived"),
 )
 """What a run logs. A new channel is a row here, a typed field of `SimulationResult`, and what computes it."""
 

@@ -114,24 +114,20 @@ class ClosedLoop:
             ticks=self.ticks,
             q0=self.q,
             v0=self.v,
-            **self._options(),
+            **self._settings(),
         )
 
-    def _options(self) -> dict[str, Any]:
-        """How the plant is stepped and measured, and what most runs do not have."""
-        rare = {"engine": self.engine, "joint_stops": self.stops}
-        return {
-            "substeps": self.substeps,
-            "integrator": self.integrator,
-            "sensor": self.sensor,
-            **{name: value for name, value in rare.items() if value is not None},
-        }
+    def _settings(self) -> dict[str, Any]:
+        """How the loop is computed; an engine and stops where there are any."""
+        always = {"substeps": self.substeps, "integrator": self.integrator, "sensor": self.sensor}
+        options = {"engine": self.engine, "joint_stops": self.stops}
+        return always | {name: value for name, value in options.items() if value is not None}
 
     def result(
         self, channels: dict[str, Any], samples: int, diverged: str | None = None
     ) -> SimulationResult:
         """Return the first samples of a log as a result, which ended early where a joint has diverged."""
-        origin = provenance(self.controller, self.plant, **self._options())
+        origin = provenance(self.controller, self.plant, **self._settings())
         if diverged is not None:
             time = (samples - 1) * self.controller.dt
             origin["diverged"] = {"time": time, "joint": diverged}

@@ -137,6 +137,21 @@ class SimulationResult:
         """Names of the joints, in the order of the columns."""
         return tuple(self.provenance["plant"]["joint_names"])
 
+    def samples_after(self, after: float) -> BoolArray:
+        """Return which samples are not before a time, shape (N,).
+
+        Args:
+            after: The time [s].
+
+        Raises:
+            ParameterError: Fewer than two samples remain.
+        """
+        kept: BoolArray = self.t >= after
+        if np.count_nonzero(kept) < 2:
+            words = f"before the last two samples, below {self.t[-1]:g} s"
+            raise ParameterError("after", after, words)
+        return kept
+
     def metrics(self, *, after: float = 0.0) -> dict[str, Array]:
         """Return figures of merit per joint, each of shape (nv,).
 
@@ -153,11 +168,7 @@ class SimulationResult:
         Raises:
             ParameterError: Fewer than two samples remain.
         """
-        kept = self.t >= after
-        if np.count_nonzero(kept) < 2:
-            raise ParameterError(
-                "after", after, f"before the last two samples, below {self.t[-1]:g} s"
-            )
+        kept = self.samples_after(after)
         figures: dict[str, Array] = {}
         for name in ("e1", "e2", "e_im"):
             size = np.abs(getattr(self, name)[kept])

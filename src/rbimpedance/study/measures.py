@@ -7,7 +7,6 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from .._common.arrays import Array
-from ..exceptions import ParameterError
 from ..robot.arm_model import ArmModel
 from ..simulation.result import SimulationResult
 from ..simulation.sampling import sample
@@ -34,11 +33,7 @@ def measure(result: SimulationResult, task: Task, trajectory: Trajectory, after:
     Raises:
         ParameterError: Fewer than two samples remain.
     """
-    kept = result.t >= after
-    if np.count_nonzero(kept) < 2:
-        raise ParameterError(
-            "after", after, f"before the last two samples, below {result.t[-1]:g} s"
-        )
+    kept = result.samples_after(after)
     e1 = _differences(task.arm, result.q, result.q_r)[kept]
     deviation = _differences(task.arm, result.q, target_motion(result, task, trajectory))[kept]
     e_im, tau = result.e_im[kept], result.tau[kept]

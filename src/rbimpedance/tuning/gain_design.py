@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -62,14 +62,14 @@ class DesignTask:
     uncertainty: Uncertainty
     trajectory: Trajectory
     dt: float
-    surface: Surface | None
-    duration: float
-    accuracy: float
-    samples: int
-    instants: int
-    seed: int
-    spread: MotionMargin
-    limits: Limits | None
+    surface: Surface | None = None
+    duration: float = 5.0
+    accuracy: float = 1e-3
+    samples: int = 12
+    instants: int = 25
+    seed: int = 0
+    spread: MotionMargin = field(default_factory=MotionMargin)
+    limits: Limits | None = None
     backend: Backend = "pinocchio"
 
 

@@ -233,7 +233,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         """The state with what is known of the arm at this tick, and what is wrong."""
         fault = _NO_PERIOD if state.period == -1.0 else None
         period = self.dt if state.period is None or fault else state.period
-        reading, monitor = self._monitor.read(state.monitor, *given, state.v_e, period)
+        reading, monitor = self._monitor.read(state.monitor, given, state.v_e, period)
         desired = state.reference if reading.reference is None else reading.reference
         told = np.zeros_like(state.tau) if reading.tau_ext is None else reading.tau_ext
         known = self._believer.update(state.known, reading, state.tau, period)

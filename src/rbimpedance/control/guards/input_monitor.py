@@ -14,6 +14,7 @@ from ...exceptions import DimensionError, InputError, NonFiniteError
 from ...robot.arm_model import ArmModel
 from ...trajectories import Reference
 from ..errors import check_reference
+from ..protocol import Measured
 from .faults import Fault, FaultKind, OperatingRange
 
 
@@ -117,31 +118,21 @@ class Monitor:
         return MonitorState(0, np.array(self.arm.neutral), *[zero] * 7)
 
     def read(
-        self,
-        state: MonitorState,
-        q: ArrayLike,
-        v: ArrayLike,
-        reference: Reference,
-        tau_ext: ArrayLike,
-        v_e: Array,
-        period: float,
+        self, state: MonitorState, given: Measured, v_e: Array, period: float
     ) -> tuple[Reading, MonitorState]:
         """Check the inputs of a tick.
 
         Args:
             state: From `init` or from the tick before.
-            q: Measured configuration, shape (nq,).
-            v: Measured velocity, shape (nv,).
-            reference: Desired motion.
-            tau_ext: Measured torque of the environment, shape (nv,).
+            given: Measurements and desired motion, of any kind.
             v_e: How fast the impedance moves the reference, shape (nv,) [rad/s or m/s].
             period: Time since the tick before [s].
         """
         faults: list[Fault] = []
-        measured_q = self._checked(faults, "q", q)
-        measured_v = self._checked(faults, "v", v)
-        external = self._checked(faults, "tau_ext", tau_ext)
-        desired = self._checked_reference(faults, reference)
+        measured_q = self._checked(faults, "q", given.q)
+        measured_v = self._checked(faults, "v", given.v)
+        external = self._checked(faults, "tau_ext", given.tau_ext)
+        desired = self._checked_reference(faults, given.reference)
         state = state._replace(since_q=state.since_q + period, since_v=state.since_v + period)
         moved, state, sees_q = self._judge_q(faults, state, measured_q, measured_v, period)
         pace = np.where(sees_q & (state.ticks > 0), moved / state.since_q, state.v)
