@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -36,13 +36,7 @@ class Checked(NamedTuple):
     demand: TorqueDemand | None
 
 
-def solve(
-    task: DesignTask,
-    measured: Measured,
-    impedance: Impedance,
-    q0: Array,
-    on_tick: Callable[[int, int], None] | None,
-) -> Checked:
+def solve(task: DesignTask, measured: Measured, impedance: Impedance, q0: Array) -> Checked:
     """Design gains, simulate the worst samples, and slow the scheme down where one of them chatters or diverges.
 
     Args:
@@ -50,7 +44,6 @@ def solve(
         measured: Bounds over the samples.
         impedance: Target impedance of the simulations.
         q0: Initial configuration, shape (nq,).
-        on_tick: Called with (ticks done, ticks in all) of every simulation.
     """
     exertion = None if task.limits is None else exertion_of(task, measured.samples)
     slower, certificate = 1.0, None
@@ -67,7 +60,7 @@ def solve(
             so_far = f"{worst[-1].reason}, and slower, " if worst else ""
             found = replace(found, reason=so_far + found.reason)
             break
-        worst = _until_failure(worst_cases(task, found, impedance, q0, demand, on_tick))
+        worst = _until_failure(worst_cases(task, found, impedance, q0, demand))
         failed = worst[-1]
         if failed.joint is None:
             break

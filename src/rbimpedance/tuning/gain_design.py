@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -16,7 +16,9 @@ from ..control.default_gains import (
     slope_at_zero,
     usual_surfaces,
 )
+from ..control.imperfect import whole_number
 from ..control.protocol import Backend
+from ..exceptions import ParameterError
 from ..law.input_gain import LARGEST_MARGIN, gain_limit, needed_margin, tolerates
 from ..law.limits import Limits
 from ..law.surfaces import Surface
@@ -39,8 +41,40 @@ _BISECTIONS = 40
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class DesignTask:
-    """Requirements of the gains.
+class Search:
+    """How a proposal is searched for.
+
+    Attributes:
+        samples: Number of plants that the bounds are taken over, extremes first.
+        instants: Number of instants along the trajectory.
+        seed: Of everything random.
+        backend: Who computes the simulations; "compiled" is several times as fast once it is compiled, see `simulate`.
+        on_tick: Called with (ticks done, ticks in all) of every simulation, for a progress bar.
+        remedy_time: Time after which no more remedies are tried for a task that is not feasible; 0 for none [s].
+
+    Raises:
+        ParameterError: A time below 0, a count that is not a whole number, or too small.
+    """
+
+    samples: int = 24
+    instants: int = 25
+    seed: int = 0
+    backend: Backend = "pinocchio"
+    on_tick: Callable[[int, int], None] | None = None
+    remedy_time: float = 30.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        if not self.remedy_time >= 0.0:
+            raise ParameterError("remedy_time", self.remedy_time, "a time in seconds, 0 or more")
+        whole_number("samples", self.samples, 1)
+        whole_number("instants", self.instants, 1)
+        whole_number("seed", self.seed)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DesignTask(Search):
+    """Requirements of the gains, and how they are searched for.
 
     Attributes:
         arm: The arm as it is modelled.
@@ -50,12 +84,8 @@ class DesignTask:
         surface: Sliding surface; None for a fast terminal one with the smoothing that suits best.
         duration: Length of the trajectory that counts [s].
         accuracy: Largest error abs(e1) allowed after the reaching phase [rad or m].
-        samples: Number of plants.
-        instants: Number of instants along the trajectory.
-        seed: Of everything random.
         spread: How far motions leave the trajectory.
         limits: Of the actuators; None for none.
-        backend: Who computes the simulations, see `simulate`.
     """
 
     arm: ArmModel
@@ -65,12 +95,8 @@ class DesignTask:
     surface: Surface | None = None
     duration: float = 5.0
     accuracy: float = 1e-3
-    samples: int = 12
-    instants: int = 25
-    seed: int = 0
     spread: MotionMargin = field(default_factory=MotionMargin)
     limits: Limits | None = None
-    backend: Backend = "pinocchio"
 
 
 class Measured(NamedTuple):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,8 +12,6 @@ from .._common.arrays import Array, per_joint, positive_number
 from .._common.brief import brief_repr
 from .._common.deprecation import renamed_attribute
 from ..control.controller import ImpedanceController
-from ..control.imperfect import whole_number
-from ..control.protocol import Backend
 from ..exceptions import ParameterError
 from ..law.certificate import Certificate
 from ..law.impedance import Impedance
@@ -146,38 +143,6 @@ class GainProposal:
     ways_out = renamed_attribute("ways_out", "remedies")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Search:
-    """How a proposal is searched for.
-
-    Attributes:
-        samples: Number of plants that the bounds are taken over, extremes first.
-        instants: Number of instants along the trajectory.
-        seed: Of everything random.
-        backend: Who computes the simulations; "compiled" is several times as fast once it is compiled, see `simulate`.
-        on_tick: Called with (ticks done, ticks in all) of every simulation, for a progress bar.
-        remedy_time: Time after which no more remedies are tried for a task that is not feasible; 0 for none [s].
-
-    Raises:
-        ParameterError: A time below 0, a count that is not a whole number, or too small.
-    """
-
-    samples: int = 24
-    instants: int = 25
-    seed: int = 0
-    backend: Backend = "pinocchio"
-    on_tick: Callable[[int, int], None] | None = None
-    remedy_time: float = 30.0
-
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        if not self.remedy_time >= 0.0:
-            raise ParameterError("remedy_time", self.remedy_time, "a time in seconds, 0 or more")
-        whole_number("samples", self.samples, 1)
-        whole_number("instants", self.instants, 1)
-        whole_number("seed", self.seed)
-
-
 def propose_gains(
     arm: ArmModel,
     uncertainty: Uncertainty,
@@ -212,7 +177,7 @@ def propose_gains(
             to be possible within them on every plant, and the controller keeps them. None for none.
         duration: Length of the motion that counts, and of the simulations [s].
         accuracy: Largest error abs(e1) allowed after the reaching phase [rad or m].
-        **search: The fields of `Search`: samples, instants, seed, backend, on_tick, remedy_time.
+        **search: The fields of `gain_design.Search`: samples, instants, seed, backend, on_tick, remedy_time.
 
     Returns:
         The proposal: yes with the numbers behind it, or no with the joint, the reason and remedies that were tried.
@@ -224,7 +189,6 @@ def propose_gains(
         ModelError: The arm has no such payload frame.
         TypeError: A keyword that there is not.
     """
-    how = Search(**search)
     if isinstance(surface, NonsingularTerminalSurface):
         raise ParameterError("surface", surface, "one with s = φ(e1) + e2, power or fast terminal")
     task = DesignTask(
@@ -235,16 +199,13 @@ def propose_gains(
         surface=surface,
         duration=positive_number("duration", duration, "length in seconds"),
         accuracy=positive_number("accuracy", accuracy, "error"),
-        samples=how.samples,
-        instants=how.instants,
-        seed=how.seed,
         spread=MotionMargin() if spread is None else spread,
         limits=_checked_limits(limits, arm.nv),
-        backend=how.backend,
+        **search,
     )
     q0 = np.array(arm.ready if q0 is None else arm.check_configuration("q0", q0))
     target = _usual_impedance() if impedance is None else impedance
-    return _searched(Trial(task, target, q0, how.on_tick, how.remedy_time))
+    return _searched(Trial(task, target, q0))
 
 
 def _searched(trial: Trial) -> GainProposal:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -66,21 +66,17 @@ class Trial(NamedTuple):
         task: The requirements.
         impedance: Target impedance of the simulations.
         q0: Initial configuration, shape (nq,).
-        on_tick: Called with (ticks done, ticks in all) of every simulation.
-        seconds: Time after which no more changes are tried.
     """
 
     task: DesignTask
     impedance: Impedance
     q0: Array
-    on_tick: Callable[[int, int], None] | None
-    seconds: float
 
     def of(self, changes: Mapping[str, Any]) -> Checked:
         """Return what comes of the task with changed arguments."""
         others = {name: value for name, value in changes.items() if name != "q0"}
         task, q0 = replace(self.task, **others), changes.get("q0", self.q0)
-        return solve(task, measure_task(task), self.impedance, q0, self.on_tick)
+        return solve(task, measure_task(task), self.impedance, q0)
 
 
 def try_remedies(trial: Trial, refused: Checked) -> Tried:
@@ -90,7 +86,7 @@ def try_remedies(trial: Trial, refused: Checked) -> Tried:
         trial: How to try them.
         refused: What came of the task as it is.
     """
-    end = time.monotonic() + trial.seconds
+    end = time.monotonic() + trial.task.remedy_time
     remedies: list[Remedy] = []
     failed: list[str] = []
     for way in itertools.chain(_ways(trial, refused), _together(trial, remedies)):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -91,7 +91,6 @@ def worst_cases(
     impedance: Impedance,
     q0: Array,
     demand: TorqueDemand | None,
-    on_tick: Callable[[int, int], None] | None = None,
 ) -> Iterator[ExtremeCase]:
     """Simulate the extreme samples without noise, and then with it.
 
@@ -101,7 +100,6 @@ def worst_cases(
         impedance: Target impedance.
         q0: Initial configuration, shape (nq,).
         demand: What the motion asks of limited joints; the plants that bring one near its limits are simulated first.
-        on_tick: Called with (ticks done, ticks in all) of every run.
     """
     extremes = [design.measured.samples[i] for i in design.measured.mismatch.extremes]
     strenuous = () if demand is None else demand.strenuous
@@ -109,7 +107,7 @@ def worst_cases(
     noisy = bool(design.noise_error.max() > 0.0)
     for with_noise in (False, True) if noisy else (False,):
         for sample in samples:
-            yield _run(task, design, impedance, q0, sample, with_noise, on_tick)
+            yield _run(task, design, impedance, q0, sample, with_noise)
 
 
 def true_error(plant: ArmModel, result: SimulationResult) -> Array:
@@ -138,7 +136,6 @@ def _run(
     q0: Array,
     sample: PlantSample,
     noisy: bool,
-    on_tick: Callable[[int, int], None] | None,
 ) -> ExtremeCase:
     law = controller_for(design, task.dt, impedance, task.limits, task.backend)
     controller = sample.wrap(law, noisy=noisy)
@@ -151,7 +148,7 @@ def _run(
             task.trajectory,
             q0=q0,
             duration=ticks * task.dt,
-            on_tick=on_tick,
+            on_tick=task.on_tick,
         )
     except DivergenceError as failure:
         result, diverged = failure.result, failure
