@@ -41,13 +41,25 @@ def vector(name: str, value: ArrayLike, size: int | None, symbol: str = "nv") ->
     return array
 
 
-def positive(name: str, value: ArrayLike) -> Array:
-    """Return a read-only scalar or vector of positive, finite gains.
+def positive(name: str, value: ArrayLike, nv: int | None = None) -> Array:
+    """Return a read-only scalar or vector of positive, finite gains, spread over nv joints where nv is given.
 
     Raises:
         ParameterError: An entry is not a positive finite number, or the shape is neither () nor (nv,).
+        DimensionError: They are given for another number of joints.
     """
-    return gain(name, value, "positive", lambda x: x > 0.0)
+    array = gain(name, value, "positive", lambda x: x > 0.0)
+    return array if nv is None else per_joint(name, array, nv)
+
+
+def positive_or(name: str, value: ArrayLike | None, default: Array) -> Array:
+    """Return positive gains for every joint, or a default where none are given, shape (nv,).
+
+    Raises:
+        ParameterError: An entry is not a positive finite number.
+        DimensionError: They are given for another number of joints.
+    """
+    return default if value is None else np.array(positive(name, value, len(default)))
 
 
 def positive_number(name: str, value: Any, meaning: str) -> float:
@@ -65,6 +77,53 @@ def positive_number(name: str, value: Any, meaning: str) -> float:
     if not is_number or isinstance(value, bool) or not 0.0 < float(value) < np.inf:
         raise ParameterError(name, value, f"a positive, finite {meaning}")
     return float(value)
+
+
+def number(name: str, value: ArrayLike, admissible: str, is_admissible: Any) -> float:
+    """Return a single, finite number that satisfies a predicate; arguments are those of `gain`.
+
+    Raises:
+        ParameterError: It is anything else.
+    """
+    array = gain(name, value, admissible, is_admissible)
+    if array.ndim:
+        raise ParameterError(name, value, f"a single number, {admissible}")
+    return float(array)
+
+
+def size(name: str, value: ArrayLike) -> float:
+    """Return a single, finite number that is zero or positive.
+
+    Raises:
+        ParameterError: It is anything else.
+    """
+    return number(name, value, "zero or positive", lambda x: x >= 0.0)
+
+
+def whole_number(name: str, value: Any, at_least: int = 0, meaning: str = "") -> int:
+    """Return a whole number that is large enough.
+
+    Args:
+        name: Parameter's name, for the error.
+        value: What was given.
+        at_least: The smallest one allowed, 0 or 1.
+        meaning: What it counts, in words, for the error.
+
+    Raises:
+        ParameterError: It is anything else.
+    """
+    is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not is_whole or value < at_least:
+        words = "a positive whole number" if at_least else "a whole number, 0 or more"
+        raise ParameterError(name, value, f"{words}: {meaning}" if meaning else words)
+    return int(value)
+
+
+def read_only(array: Array) -> Array:
+    """Return a copy that cannot be written to."""
+    copy = array.copy()
+    copy.setflags(write=False)
+    return copy
 
 
 def gain(name: str, value: ArrayLike, admissible: str, is_admissible: Any) -> Array:
@@ -121,14 +180,15 @@ def check_gains(owner: object, nv: int, **gains: Array) -> None:
         per_joint(f"{type(owner).__name__}.{name}", value, nv)
 
 
-def not_negative(name: str, value: ArrayLike, nv: int) -> Array:
-    """Return numbers from 0 on, shape (nv,).
+def not_negative(name: str, value: ArrayLike, nv: int | None = None) -> Array:
+    """Return read-only numbers from 0 on, as `positive` does.
 
     Raises:
         ParameterError: Anything else.
         DimensionError: They are given for another number of joints.
     """
-    return per_joint(name, gain(name, value, "zero or positive", lambda x: x >= 0.0), nv)
+    array = gain(name, value, "zero or positive", lambda x: x >= 0.0)
+    return array if nv is None else per_joint(name, array, nv)
 
 
 def real(name: str, value: ArrayLike, expected: str) -> Array:

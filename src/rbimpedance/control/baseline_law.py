@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._common.arrays import Array, positive_number
+from .._common.arrays import Array, positive_number, read_only
 from .._common.deprecation import renamed_arguments
 from .._common.frozen import set_fields
 from ..law.impedance import TargetFilter, TargetImpedance
@@ -101,8 +101,7 @@ class Baseline(ControllerBase[StateT, ControllerOutput]):
         return self._filter.restoring_torque(position, v_d - tick.v)
 
     def _filter_at_rest(self) -> BaselineState:
-        zero = np.zeros(self.arm.nv)
-        zero.setflags(write=False)
+        zero = read_only(np.zeros(self.arm.nv))
         return BaselineState(zero, zero, zero, zero, zero)
 
     def _filter_after(self, state: BaselineState, tau_ext: Array) -> BaselineState:

@@ -14,7 +14,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, per_joint, positive
+from .._common.arrays import Array, positive
 from .._common.brief import brief_repr
 from .._common.deprecation import renamed_arguments
 from .._common.frozen import set_fields
@@ -180,10 +180,10 @@ class FirstOrderSlidingMode(MemorylessBaseline):
             )
         set_fields(
             self,
-            surface_rate=_joint_gain("surface_rate", surface_rate, arm.nv),
-            gain=_joint_gain("gain", gain, arm.nv),
+            surface_rate=positive("surface_rate", surface_rate, arm.nv),
+            gain=positive("gain", gain, arm.nv),
             smoothing=smoothing,
-            width=None if width is None else _joint_gain("width", width, arm.nv),
+            width=None if width is None else positive("width", width, arm.nv),
         )
 
     def _law(self, tick: Tracking) -> BaselineTorque:
@@ -248,8 +248,8 @@ class SlotineLi(MemorylessBaseline):
         super().__init__(arm, impedance, dt, model=model)
         set_fields(
             self,
-            surface_rate=_joint_gain("surface_rate", surface_rate, arm.nv),
-            gain=_joint_gain("gain", gain, arm.nv),
+            surface_rate=positive("surface_rate", surface_rate, arm.nv),
+            gain=positive("gain", gain, arm.nv),
         )
 
     def _law(self, tick: Tracking) -> BaselineTorque:
@@ -258,7 +258,3 @@ class SlotineLi(MemorylessBaseline):
         s = v_s - tick.v
         tau = self._passive_torque(tick.q, tick.v, v_s, a_s) + self.gain * s - tick.tau_ext
         return BaselineTorque(tau, s, np.zeros_like(s))
-
-
-def _joint_gain(name: str, value: ArrayLike, nv: int) -> Array:
-    return per_joint(name, positive(name, value), nv)

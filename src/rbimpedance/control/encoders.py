@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, per_joint, positive, vector
+from .._common.arrays import Array, positive, vector
 from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
@@ -85,11 +85,10 @@ class QuantizedEncoders(ControllerWrapper[EncoderState, ControllerOutput]):
         if velocity not in ("differentiated", "measured"):
             raise ParameterError("velocity", velocity, '"differentiated" or "measured"')
         low_pass = None if bandwidth is None else LowPass(bandwidth, controller.dt)
-        count = positive("resolution", resolution)
         set_fields(
             self,
             controller=controller,
-            resolution=per_joint("resolution", count, controller.arm.nv),
+            resolution=positive("resolution", resolution, controller.arm.nv),
             velocity=velocity,
             bandwidth=bandwidth,
             _low_pass=low_pass,

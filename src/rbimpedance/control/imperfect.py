@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, gain, not_negative, per_joint, vector
+from .._common.arrays import Array, not_negative, positive, vector, whole_number
 from .._common.frozen import set_fields
-from ..exceptions import ParameterError
 from .protocol import Controller, Measured
 from .telemetry import ControllerOutput, Situation
 from .wrapper import ControllerWrapper
@@ -84,14 +83,13 @@ class ImperfectController(ControllerWrapper[ImperfectState, ControllerOutput]):
         seed: int = 0,
     ) -> None:
         nv = controller.arm.nv
-        constant = gain("torque_constant", torque_constant, "positive", lambda x: x > 0.0)
         set_fields(
             self,
             controller=controller,
             position_noise=not_negative("position_noise", position_noise, nv),
             velocity_noise=not_negative("velocity_noise", velocity_noise, nv),
             delay=whole_number("delay", delay),
-            torque_constant=per_joint("torque_constant", constant, nv),
+            torque_constant=positive("torque_constant", torque_constant, nv),
             seed=whole_number("seed", seed),
         )
 
@@ -131,15 +129,3 @@ class ImperfectController(ControllerWrapper[ImperfectState, ControllerOutput]):
             v + self.velocity_noise * on_v,
             vector("tau_ext", given.tau_ext, arm.nv).copy(),
         )
-
-
-def whole_number(name: str, value: Any, at_least: int = 0) -> int:
-    """Return a whole number that is large enough.
-
-    Raises:
-        ParameterError: It is anything else.
-    """
-    is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not is_whole or value < at_least:
-        raise ParameterError(name, value, f"a whole number, {at_least} or more")
-    return int(value)

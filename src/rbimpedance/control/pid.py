@@ -82,7 +82,7 @@ class PIDImpedance(Baseline[PIDState]):
         if limits is not None:
             per_joint("limits.effort", limits.effort, arm.nv)
             per_joint("limits.rate", limits.rate, arm.nv)
-        bandwidth = per_joint("bandwidth", positive("bandwidth", bandwidth), arm.nv)
+        bandwidth = positive("bandwidth", bandwidth, arm.nv)
         set_fields(self, bandwidth=bandwidth, limits=limits, _gains=pid_gains(bandwidth, self.dt))
 
     def init(self) -> PIDState:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, gain, positive_number, vector
+from .._common.arrays import Array, positive_number, read_only, size, vector
 from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
@@ -68,10 +68,10 @@ class Wall:
             raise ParameterError("normal", normal, "a vector that is not zero")
         set_fields(
             self,
-            point=_frozen(vector("point", point, 3, "x, y, z")),
-            normal=_frozen(direction / length),
+            point=read_only(vector("point", point, 3, "x, y, z")),
+            normal=read_only(direction / length),
             stiffness=positive_number("stiffness", stiffness, "stiffness in N/m"),
-            damping=_non_negative("damping", damping),
+            damping=size("damping", damping),
             frame=frame,
             displacement=displacement,
         )
@@ -186,8 +186,8 @@ class Push:
             )
         set_fields(
             self,
-            wrench=_frozen(vector("wrench", wrench, 6, "force, moment")),
-            start=_non_negative("start", start),
+            wrench=read_only(vector("wrench", wrench, 6, "force, moment")),
+            start=size("start", start),
             duration=duration,
             rise=rise,
             frame=frame,
@@ -212,16 +212,3 @@ class Push:
     def wrenches(self, arm: ArmModel, t: float, q: Array, v: Array) -> tuple[AppliedWrench, ...]:
         """Return the wrench in world axes; see `FrameInteraction.wrenches`."""
         return self._acting.wrenches(arm, t, q, v)
-
-
-def _frozen(array: Array) -> Array:
-    copy = array.copy()
-    copy.setflags(write=False)
-    return copy
-
-
-def _non_negative(name: str, value: float) -> float:
-    number = gain(name, value, "non-negative", lambda x: x >= 0.0)
-    if number.ndim:
-        raise ParameterError(name, value, "a single number")
-    return float(number)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, positive_number, vector
+from .._common.arrays import Array, positive_number, size, vector
 from ..exceptions import ParameterError
 from ..law.impedance import Impedance
 from ..robot.arm_model import ArmModel
@@ -149,9 +149,7 @@ def recommended_mass(
         ParameterError: An argument that is not a positive number, a negative delay, or K_x ≥ k_w.
     """
     dt = positive_number("dt", dt, "control period in seconds")
-    if not 0.0 <= delay < np.inf:
-        raise ParameterError("delay", delay, "a time in seconds, at least 0")
-    age = delay + LOOP_AGE * dt
+    age = size("delay", delay) + LOOP_AGE * dt
     sampled = wall_stiffness * (SAMPLES_IN_CONTACT * dt) ** 2
     return max(sampled, _SAFETY * smallest_mass(wall_stiffness, age, stiffness, damping_ratio))
 

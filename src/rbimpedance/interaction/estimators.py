@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, per_joint, positive, positive_number
+from .._common.arrays import Array, positive, positive_number
 from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..law.super_twisting import SuperTwisting
@@ -76,7 +76,7 @@ class MomentumObserver:
         dt = positive_number("dt", dt, "control period in seconds")
         if gain is None:
             gain = min(_USUAL_GAIN, _USUAL_GAIN_TIMES_PERIOD / dt)
-        set_fields(self, arm=arm, gain=per_joint("gain", positive("gain", gain), arm.nv), dt=dt)
+        set_fields(self, arm=arm, gain=positive("gain", gain, arm.nv), dt=dt)
 
     @property
     def delay(self) -> Array:

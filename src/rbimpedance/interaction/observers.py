@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, per_joint, positive_number, vector
+from .._common.arrays import Array, per_joint, positive_number, read_only, vector
 from .._common.brief import brief_repr
 from .._common.deprecation import renamed_arguments
 from .._common.frozen import set_fields
@@ -112,10 +112,8 @@ class SuperTwistingDisturbanceObserver:
 
     def init(self) -> ObserverState:
         """Return the state before the first tick: no disturbance seen."""
-        zero = np.zeros(self.arm.nv)
-        zero.setflags(write=False)
-        M = np.zeros((self.arm.nv, self.arm.nv))
-        M.setflags(write=False)
+        zero = read_only(np.zeros(self.arm.nv))
+        M = read_only(np.zeros((self.arm.nv, self.arm.nv)))
         return ObserverState(0, zero, M, zero, zero, zero, zero, zero, zero)
 
     def step(

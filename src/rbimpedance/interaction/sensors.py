@@ -12,8 +12,7 @@ from typing import Any, Protocol, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, positive_number
-from ..exceptions import ParameterError
+from .._common.arrays import Array, positive_number, whole_number
 
 StateT = TypeVar("StateT")
 
@@ -71,10 +70,7 @@ class Delay:
     ticks: int
 
     def __post_init__(self) -> None:
-        if not isinstance(self.ticks, int) or isinstance(self.ticks, bool) or self.ticks < 0:
-            raise ParameterError(
-                "ticks", self.ticks, "a whole number of control periods, at least 0"
-            )
+        whole_number("ticks", self.ticks, meaning="control periods")
 
     def init(self) -> PastTorques:
         """Return the state before the first tick: no past."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, vector
+from .._common.arrays import Array, size, vector
 from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..exceptions import DimensionError, ParameterError
@@ -71,14 +71,12 @@ class WrenchSensor:
         bias: ArrayLike = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         low_pass: LowPass | None = None,
     ) -> None:
-        if not 0.0 <= tool_mass < np.inf:
-            raise ParameterError("tool_mass", tool_mass, "a mass in kg, at least 0")
         arm.frame_placement(arm.neutral, frame)  # raises where there is no such frame
         set_fields(
             self,
             arm=arm,
             frame=frame or arm.tool_frame,
-            tool_mass=float(tool_mass),
+            tool_mass=size("tool_mass", tool_mass),
             tool_com=vector("tool_com", tool_com, 3, "x, y, z").copy(),
             bias=vector("bias", bias, 6, "force, moment").copy(),
             low_pass=low_pass,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, BoolArray
+from .._common.arrays import Array, BoolArray, whole_number
 from .._common.deprecation import renamed_arguments
 from ..control.protocol import Controller
 from ..exceptions import DimensionError, ParameterError
@@ -21,7 +21,7 @@ from .batch_run import BatchLog, run_worlds
 from .closed_loop import LOGGED, ClosedLoop
 from .plants import Plant
 from .plants.integrators import Integrator
-from .run import check_choice, check_whole, closed_loop
+from .run import check_choice, closed_loop
 from .sampling import tick_times
 
 
@@ -124,8 +124,8 @@ def simulate_batch(  # noqa: PLR0913 (worlds and their settings, each given by n
     for name in channels:
         check_choice("channels", name, LOGGED)
     threads = _cores() if threads is None else threads
-    check_whole("every", every, "ticks from one sample to the next")
-    check_whole("threads", threads, "number of threads")
+    whole_number("every", every, 1, "ticks from one sample to the next")
+    whole_number("threads", threads, 1, "number of threads")
     worlds = _worlds(
         controller=_many(controller),
         plant=_many(plant),

@@ -9,7 +9,7 @@ from typing import Any, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import positive_number, vector
+from .._common.arrays import positive_number, vector, whole_number
 from .._common.deprecation import renamed_arguments, warn_renamed
 from ..control.controller import ImpedanceController
 from ..control.errors import check_reference
@@ -145,9 +145,9 @@ def closed_loop(
     trajectory: Trajectory,
     *,
     environment: EnvironmentLike | None = None,
-    sensor: Sensor[Any] | None = None,
     q0: ArrayLike | None = None,
     v0: ArrayLike | None = None,
+    sensor: Sensor[Any] | None = None,
     duration: float,
     substeps: int,
     integrator: Integrator,
@@ -155,7 +155,7 @@ def closed_loop(
 ) -> ClosedLoop:
     """Return the checked parts of a run; arguments and errors are those of `simulate`."""
     ticks = _number_of_ticks(duration, controller.dt)
-    check_whole("substeps", substeps, "the period is a multiple of the physics step")
+    whole_number("substeps", substeps, 1, "the period is a multiple of the physics step")
     check_choice("integrator", integrator, INTEGRATORS)
     arm, engine = (plant, None) if isinstance(plant, ArmModel) else (plant.arm, plant)
     if (controller.arm.nq, controller.arm.nv) != (arm.nq, arm.nv):
@@ -195,17 +195,6 @@ def check_choice(name: str, value: str, choices: Iterable[str]) -> None:
     """
     if value not in choices:
         raise ParameterError(name, value, "one of " + ", ".join(map(repr, choices)))
-
-
-def check_whole(name: str, value: Any, meaning: str) -> None:
-    """Refuse what is no positive whole number.
-
-    Raises:
-        ParameterError: It is not.
-    """
-    is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not is_whole or value < 1:
-        raise ParameterError(name, value, f"a positive whole number: {meaning}")
 
 
 def _number_of_ticks(duration: float, dt: float) -> int:

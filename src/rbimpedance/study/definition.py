@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from .._common.arrays import Array, positive_number
+from .._common.arrays import Array, positive_number, whole_number
 from .._common.brief import brief_repr
 from .._common.deprecation import renamed_arguments, renamed_attribute
 from .._common.suggestions import suggest
-from ..control.imperfect import whole_number
 from ..control.protocol import Controller
 from ..exceptions import ParameterError
 from ..interaction import EnvironmentLike, Sensor
@@ -21,7 +20,7 @@ from ..law.impedance import Impedance
 from ..robot.arm_model import ArmModel
 from ..simulation.plants import Plant
 from ..simulation.result import SimulationResult
-from ..simulation.run import check_whole, simulate
+from ..simulation.run import simulate
 from ..trajectories import Trajectory
 from ..tuning import GainProposal
 
@@ -163,8 +162,8 @@ class Study:
             if not getattr(self, part):
                 raise ParameterError(part, getattr(self, part), "at least one, by name")
             object.__setattr__(self, part, dict(getattr(self, part)))
-        check_whole("samples", self.samples, "experiments for each robot and disturbance")
-        check_whole("substeps", self.substeps, "physics steps per control period")
+        whole_number("samples", self.samples, 1, "experiments for each robot and disturbance")
+        whole_number("substeps", self.substeps, 1, "physics steps per control period")
         whole_number("seed", self.seed)
         positive_number("duration", self.duration, "length of a run in seconds")
         if not 0.0 <= self.after < self.duration:

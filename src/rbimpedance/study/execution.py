@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from ..exceptions import ParameterError
+from .._common.arrays import whole_number
 from .chunk import Answer, Tasks, lost, run_chunk
 from .definition import Study
 from .folder import Chunk, StudyFolder
@@ -57,8 +57,7 @@ def run_study(
         MissingExtraError: pyarrow, or Dask, is not installed.
         ParameterError: `jobs` is not a positive whole number.
     """
-    if not isinstance(jobs, int) or isinstance(jobs, bool) or jobs < 1:
-        raise ParameterError("jobs", jobs, "a positive whole number of processes")
+    whole_number("jobs", jobs, 1, "processes")
     arrow()
     folder = StudyFolder(study, Path(out))
     missing = [chunk for chunk in study.chunks if folder.rows(chunk) is None]

@@ -63,7 +63,7 @@ def cosine(
         JointLimitError: The motion leaves the position limits.
     """
     middle = _center(arm, center)
-    periods = per_joint("period", positive("period", period), arm.nv)
+    periods = positive("period", period, arm.nv)
     if amplitude is None:
         amplitude = amplitude_within_limits(arm, middle, period=float(periods.min()))
     swing = vector("amplitude", _spread("amplitude", amplitude, arm.nv), arm.nv).copy()

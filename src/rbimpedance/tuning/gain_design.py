@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._common.arrays import Array
+from .._common.arrays import Array, whole_number
 from ..control.default_gains import (
     GAIN_HEADROOM,
     K1_OVER_ROOT_K2,
@@ -16,7 +16,6 @@ from ..control.default_gains import (
     slope_at_zero,
     usual_surfaces,
 )
-from ..control.imperfect import whole_number
 from ..control.protocol import Backend
 from ..exceptions import ParameterError
 from ..law.input_gain import LARGEST_MARGIN, gain_limit, needed_margin, tolerates

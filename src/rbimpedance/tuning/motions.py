@@ -7,11 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._common.arrays import Array, positive_number
+from .._common.arrays import Array, positive_number, size
 from .._common.brief import brief_repr
 from ..robot.arm_model import ArmModel
 from ..trajectories import Reference, Trajectory
-from .ranges import size
 
 
 @brief_repr()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, gain, real, vector
+from .._common.arrays import Array, read_only, real, size, vector
 from ..exceptions import DimensionError, ParameterError
 
 
@@ -36,9 +36,7 @@ def range_of(
         raise ParameterError(name, value, words)
     if (array[0] > array[1]).any():
         raise ParameterError(name, value, "a (lowest, highest) pair in this order")
-    array = np.array(array)
-    array.setflags(write=False)
-    return array
+    return read_only(array)
 
 
 def scalar_range(
@@ -69,13 +67,4 @@ def box(name: str, value: ArrayLike) -> Array:
     box = np.stack([vector(name, corner, 3, "x, y, z") for corner in corners])
     if (box[0] > box[1]).any():
         raise ParameterError(name, value, "two corners, the lower one first in every coordinate")
-    box.setflags(write=False)
-    return box
-
-
-def size(name: str, value: Any) -> float:
-    """A finite number that is not negative."""
-    array = gain(name, value, "zero or positive", is_not_negative)
-    if array.ndim:
-        raise ParameterError(name, value, "a single number, zero or positive")
-    return float(array)
+    return read_only(box)

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, per_joint
+from .._common.arrays import Array, per_joint, size, whole_number
 from .._common.brief import brief_repr
 from .._common.frozen import set_fields
-from ..control.imperfect import whole_number
 from ..robot.arm_model import ArmModel
 from .plant_sample import PlantSample, tilted, with_body
-from .ranges import box, constant_range, is_not_negative, is_positive, range_of, scalar_range, size
+from .ranges import box, constant_range, is_not_negative, is_positive, range_of, scalar_range
 
 CORNERS = 16
 """At most this many extremes are among the first samples."""

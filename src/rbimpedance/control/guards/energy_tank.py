@@ -8,12 +8,13 @@ does a wrongly measured torque.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..._common.arrays import Array, gain, positive_number, vector
+from ..._common.arrays import Array, number, positive_number, vector
 from ..._common.brief import brief_repr
 from ..._common.frozen import set_fields
 from ...exceptions import ParameterError
@@ -112,8 +113,8 @@ class EnergyTank(ControllerWrapper[TankState, ControllerOutput]):
         if not isinstance(controller.impedance, Impedance):
             raise ParameterError("controller.impedance", controller.impedance, "an Impedance")
         capacity = positive_number("capacity", capacity, "energy in J")
-        start = capacity / 2.0 if start is None else _number("start", start, capacity)
-        refill = _number("refill", refill, 1.0)
+        start = capacity / 2.0 if start is None else number("start", start, *_up_to(capacity))
+        refill = number("refill", refill, *_up_to(1.0))
         set_fields(
             self,
             controller=controller,
@@ -247,8 +248,6 @@ def _stored(state: TankState) -> float:
     return float(v_e @ M_d @ v_e + q_e @ K_d @ q_e) / 2.0
 
 
-def _number(name: str, value: float, largest: float) -> float:
-    number = gain(name, value, f"from 0 to {largest:g}", lambda x: (x >= 0.0) & (x <= largest))
-    if number.ndim:
-        raise ParameterError(name, value, "a single number")
-    return float(number)
+def _up_to(largest: float) -> tuple[str, Callable[[Array], Any]]:
+    """What `number` asks of a number from 0 on."""
+    return f"from 0 to {largest:g}", lambda x: (x >= 0.0) & (x <= largest)

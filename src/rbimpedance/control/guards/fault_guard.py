@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..._common.arrays import Array, is_finite, per_joint, positive_number
+from ..._common.arrays import Array, is_finite, per_joint, positive_number, whole_number
 from ..._common.brief import brief_repr
 from ..._common.frozen import set_fields
 from ...exceptions import InputError, ParameterError
@@ -142,9 +142,9 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
             rate=rate,
             longest_hold=positive_number("longest_hold", longest_hold, "time in seconds"),
             longest_blind=positive_number("longest_blind", longest_blind, "time in seconds"),
-            patience=_count("patience", patience),
+            patience=whole_number("patience", patience, 1, "ticks"),
             way_back=positive_number("way_back", way_back, "time in seconds"),
-            frozen_ticks=_count("frozen_ticks", frozen_ticks),
+            frozen_ticks=whole_number("frozen_ticks", frozen_ticks, 1, "ticks"),
             frozen_travel=positive_number("frozen_travel", frozen_travel, "way in rad or m"),
             _on_event=on_event,
         )
@@ -416,9 +416,3 @@ def _is_seen(fault: Fault) -> bool:
     """Whether the motion is measured well and the arm is to come to rest at once."""
     is_outside = fault.kind == "out of range" and fault.name in ("q", "v")
     return is_outside or fault.kind == "no effect"
-
-
-def _count(name: str, value: Any) -> int:
-    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < 1:
-        raise ParameterError(name, value, "a whole number of ticks, at least 1")
-    return int(value)

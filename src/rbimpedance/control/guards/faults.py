@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..._common.arrays import Array, gain, per_joint, real
+from ..._common.arrays import Array, per_joint, positive_or, real
 from ..._common.brief import brief_repr
 from ..._common.frozen import set_fields
 from ...exceptions import InputError, ParameterError
@@ -117,9 +117,9 @@ class OperatingRange:
             self,
             lower=lowest if lower is None else _ends("lower", lower, arm.nv),
             upper=highest if upper is None else _ends("upper", upper, arm.nv),
-            velocity=_bound("velocity", velocity, _finite_or(arm.velocity_limit, FASTEST)),
-            acceleration=_bound("acceleration", acceleration, np.full(arm.nv, np.inf)),
-            external=_bound(
+            velocity=positive_or("velocity", velocity, _finite_or(arm.velocity_limit, FASTEST)),
+            acceleration=positive_or("acceleration", acceleration, np.full(arm.nv, np.inf)),
+            external=positive_or(
                 "external", external, _finite_or(LEVERAGE * arm.effort_limit, STRONGEST)
             ),
         )
@@ -129,13 +129,6 @@ class OperatingRange:
 
 def _finite_or(limit: Array, otherwise: float) -> Array:
     return np.where(np.isfinite(limit), limit, otherwise)
-
-
-def _bound(name: str, value: ArrayLike | None, default: Array) -> Array:
-    if value is None:
-        return default
-    positive = gain(name, value, "positive", lambda x: x > 0.0)
-    return np.array(per_joint(name, positive, len(default)))
 
 
 def _ends(name: str, value: ArrayLike, nv: int) -> Array:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..._common.arrays import Array, BoolArray, gain, per_joint, positive_number
+from ..._common.arrays import Array, BoolArray, not_negative, positive_number, positive_or
 from ..._common.brief import brief_repr
 from ..._common.frozen import set_fields
 from ...exceptions import ParameterError
@@ -103,13 +103,11 @@ class ReferenceGuard(ControllerWrapper[GuardState, ControllerOutput]):
         if horizon < _FEWEST_PERIODS * controller.dt:
             words = f"at least {_FEWEST_PERIODS:g} control periods of {controller.dt:g} s"
             raise ParameterError("horizon", horizon, words)
-        room = per_joint("margin", gain("margin", margin, "non-negative", _non_negative), arm.nv)
+        room = not_negative("margin", margin, arm.nv)
         lower, upper = arm.joint_limits()
         if not (lower + room < upper - room).all():
             raise ParameterError("margin", margin, "less than half of every joint's range")
-        speed = arm.velocity_limit
-        if velocity is not None:
-            speed = per_joint("velocity", gain("velocity", velocity, "positive", _positive), arm.nv)
+        speed = positive_or("velocity", velocity, arm.velocity_limit)
         set_fields(
             self,
             controller=controller,
@@ -183,11 +181,3 @@ def _end(arm: ArmModel, end: Array, limits: Array) -> Array:
     """Way from `neutral` to an end of every joint, shape (nv,); infinite where there is none."""
     way = arm.raw_dynamics.difference(arm.neutral, np.where(np.isfinite(end), end, arm.neutral))
     return np.where(np.isfinite(limits), way, limits)
-
-
-def _non_negative(x: Array) -> BoolArray:
-    return np.asarray(x >= 0.0)
-
-
-def _positive(x: Array) -> BoolArray:
-    return np.asarray(x > 0.0)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..._common.arrays import Array, gain, per_joint, positive_number, vector
+from ..._common.arrays import Array, positive_number, positive_or, vector
 from ..._common.frozen import set_fields
 from ...law.limits import Limits
 from ...trajectories import Reference
@@ -112,8 +112,8 @@ class SoftStart(ControllerWrapper[SoftStartState, ControllerOutput]):
             self,
             controller=controller,
             duration=positive_number("duration", duration, "time in seconds"),
-            velocity=_bound("velocity", velocity, limit / 2.0),
-            acceleration=_bound("acceleration", acceleration, np.full(arm.nv, np.inf)),
+            velocity=positive_or("velocity", velocity, limit / 2.0),
+            acceleration=positive_or("acceleration", acceleration, np.full(arm.nv, np.inf)),
             _reach=2.0 * limit,
         )
 
@@ -280,9 +280,3 @@ def _way(x: float) -> float:
 
 def _within(limits: Limits | None, tau: Array, before: Array, dt: float) -> Array:
     return tau if limits is None else limits.nearest(tau, before, dt)
-
-
-def _bound(name: str, value: ArrayLike | None, default: Array) -> Array:
-    if value is None:
-        return default
-    return np.array(per_joint(name, gain(name, value, "positive", lambda x: x > 0.0), len(default)))
