@@ -17,7 +17,7 @@ from rbimpedance.interaction.estimators import MomentumObserver, SuperTwistingMo
 from rbimpedance.simulation.energy import energy_balance
 
 from . import pushed
-from .common import Figures, Job, Options, Part, simulate
+from .common import Figures, Job, Options, Part
 from .pushed import DEPTH, FIRST, PAYLOAD, SETTINGS, TOOL_STIFFNESS, UP, WALL
 
 LENGTH, WAY = 4.0, 0.2  # s, m
@@ -46,20 +46,10 @@ def meet(place: str, plant_name: str, sensor_name: str, seed: int) -> Figures:
     setting = SETTINGS[place]
     arm, impedance, wall, reaching = pushed.at_wall(setting, seed)
     trajectory = pushed.approach(arm, setting.q, WAY)
-    start = trajectory(0.0)
     alone = pushed.target_alone(arm, impedance, trajectory, wall, round(LENGTH / DT) + 1)
     plant = arm if plant_name == "exact" else pushed.heavy(arm)
-    result = simulate(
-        pushed.law(arm, impedance, reaching),
-        plant,
-        trajectory,
-        environment=wall,
-        sensor=_sensor(sensor_name, arm),
-        q0=start.q,
-        v0=start.v,
-        duration=LENGTH,
-        integrator="rk4",
-    )
+    law, sensor = pushed.law(arm, impedance, reaching), _sensor(sensor_name, arm)
+    result = pushed.met(law, plant, trajectory, wall, sensor, duration=LENGTH, integrator="rk4")
     force = pushed.forces(result, plant, wall)
     share = float(np.sum((UP @ arm.jacobian(setting.q)[:3]) ** 2))
     return {

@@ -15,7 +15,7 @@ from benchmarks.pages import markdown
 from rbimpedance.interaction import Delay, LowPass, contact_damping, recommended_mass, smallest_mass
 
 from . import pushed
-from .common import Figures, Job, Options, Part, simulate
+from .common import Figures, Job, Options, Part
 from .pushed import FIRST, SETTINGS, TOOL_STIFFNESS, UP, WALL
 
 AGES = (0, 1, 2, 3, 5, 7, 10)
@@ -67,19 +67,10 @@ def _meet(place: str, plant: str, ratio: float, mass: float, sensor: Any, seed: 
     setting = SETTINGS[place]
     arm, impedance, wall, reaching = pushed.at_wall(setting, seed, mass, ratio)
     trajectory = pushed.approach(arm, setting.q, 0.02)
-    start, true_arm = trajectory(0.0), arm if plant == "exact" else pushed.heavy(arm)
+    true_arm = arm if plant == "exact" else pushed.heavy(arm)
+    law = pushed.law(arm, impedance, reaching)
     try:
-        result = simulate(
-            pushed.law(arm, impedance, reaching),
-            true_arm,
-            trajectory,
-            environment=wall,
-            sensor=sensor,
-            q0=start.q,
-            v0=start.v,
-            duration=2.5,
-            substeps=2,
-        )
+        result = pushed.met(law, true_arm, trajectory, wall, sensor, duration=2.5, substeps=2)
     except rbi.DivergenceError as error:
         return np.append(pushed.forces(error.result, true_arm, wall), np.nan)
     return pushed.forces(result, true_arm, wall)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import eigh
@@ -13,6 +13,8 @@ from benchmarks import arms
 from benchmarks.arms import DT, Array
 from rbimpedance.interaction import Wall, impedance_for_wall, recommended_mass
 from rbimpedance.trajectories import Reference
+
+from .common import simulate
 
 ARMATURE = 0.1  # kg·m²
 PAYLOAD = 2.0  # kg, unknown to the controller
@@ -150,6 +152,20 @@ def target_alone(
             force[k // steps] = wall.force(arm, t, q, v)
         q_e, v_e = target.advance(q_e, v_e, wall.torque(arm, t, q, v))
     return force
+
+
+def met(
+    law: rbi.ImpedanceController,
+    plant: rbi.ArmModel,
+    trajectory: Callable[[float], Reference],
+    wall: Wall,
+    sensor: Any,
+    **settings: Any,
+) -> rbi.SimulationResult:
+    """A run that begins on the trajectory and meets the wall."""
+    q0, v0, _ = trajectory(0.0)
+    acting = {"environment": wall, "sensor": sensor}
+    return simulate(law, plant, trajectory, q0=q0, v0=v0, **acting, **settings)
 
 
 def forces(result: rbi.SimulationResult, arm: rbi.ArmModel, wall: Wall) -> Array:

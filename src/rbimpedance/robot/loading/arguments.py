@@ -10,6 +10,7 @@ from pathlib import Path
 from ...exceptions import ModelError
 from .repair import REPAIRS
 from .urdf_reader import FARTHEST_LIMIT
+from .wording import by_name
 
 
 def folders_of(package_dirs: str | Path | Sequence[str | Path]) -> tuple[Path, ...]:
@@ -34,10 +35,7 @@ def given_positions(given: Mapping[str, float] | None) -> dict[str, float]:
     Raises:
         ModelError: Something in it is no name, or no finite number.
     """
-    try:
-        values = dict(given or {})
-    except (TypeError, ValueError) as error:
-        raise ModelError(f"locked_configuration= takes positions by name, got {given!r}") from error
+    values = by_name("locked_configuration", given, "positions")
     for name, value in values.items():
         try:
             number = float(value) if isinstance(value, Real) else math.nan

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 from ...exceptions import ModelError, UnsupportedJointError
 
@@ -46,3 +47,15 @@ def error_context(origin: str) -> Iterator[None]:
         raise ModelError(printable(message)) from error.__cause__
     except MemoryError as error:
         raise ModelError(f"{origin or 'the source'}: there is not enough memory for it") from error
+
+
+def by_name(option: str, given: Mapping[str, Any] | None, what: str) -> dict[str, Any]:
+    """Return what an option gives by name.
+
+    Raises:
+        ModelError: It is no mapping.
+    """
+    try:
+        return dict(given or {})
+    except (TypeError, ValueError) as error:
+        raise ModelError(f"{option}= takes {what} by name, got {given!r}") from error

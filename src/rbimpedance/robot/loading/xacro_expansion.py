@@ -14,7 +14,7 @@ from pathlib import Path
 
 from ...exceptions import ModelError
 from .strict_xml import MAX_CHARACTERS, has_doctype
-from .wording import listed, shortened
+from .wording import by_name, listed, shortened
 
 MAX_SECONDS = 30
 """Longest that the expansion of one file may take."""
@@ -50,10 +50,7 @@ def xacro_arguments(given: Mapping[str, object] | None) -> dict[str, str]:
     Raises:
         ModelError: No mapping of names to numbers, texts or truth values.
     """
-    try:
-        pairs = dict(given or {})
-    except (TypeError, ValueError) as error:
-        raise ModelError(f"xacro_args= takes values by name, got {given!r}") from error
+    pairs = by_name("xacro_args", given, "values")
     for name, value in pairs.items():
         if not isinstance(name, str) or not isinstance(value, str | bool | int | float):
             raise ModelError(
