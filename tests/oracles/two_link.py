@@ -96,12 +96,12 @@ class Run(NamedTuple):
     t: Array
     q: Array
     v: Array
+    tau: Array
+    tau_ext: Array
     e1: Array
     e2: Array
     e_im: Array
     s: Array
-    tau: Array
-    tau_ext: Array
 
 
 def closed_loop(
@@ -133,7 +133,7 @@ def closed_loop(
             tau = tau + bias(q, v)
         a = forward_dynamics(q, v, tau + tau_ext)
         e_im = MASS * (a_r - a) + DAMPING * e2 + STIFFNESS * e1  # (5)
-        log.append((np.asarray(t), q, v, e1, e2, e_im, s, tau, tau_ext))
+        log.append((np.asarray(t), q, v, tau, tau_ext, e1, e2, e_im, s))
         z = z + step * np.sign(s)
         x_e = filter_matrix @ x_e + np.outer(filter_input, tau_ext)
         q, v = _plant(q, v, tau, t, step / substeps, substeps)

@@ -48,8 +48,9 @@ def meet(place: str, plant_name: str, sensor_name: str, seed: int) -> Figures:
     trajectory = pushed.approach(arm, setting.q, WAY)
     alone = pushed.target_alone(arm, impedance, trajectory, wall, round(LENGTH / DT) + 1)
     plant = arm if plant_name == "exact" else pushed.heavy(arm)
-    law, sensor = pushed.law(arm, impedance, reaching), _sensor(sensor_name, arm)
-    result = pushed.met(law, plant, trajectory, wall, sensor, duration=LENGTH, integrator="rk4")
+    law = pushed.law(arm, impedance, reaching)
+    how: Any = {"sensor": _sensor(sensor_name, arm), "duration": LENGTH, "integrator": "rk4"}
+    result = pushed.met(law, plant, trajectory, wall, **how)
     force = pushed.forces(result, plant, wall)
     share = float(np.sum((UP @ arm.jacobian(setting.q)[:3]) ** 2))
     return {

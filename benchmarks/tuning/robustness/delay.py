@@ -69,8 +69,9 @@ def _meet(place: str, plant: str, ratio: float, mass: float, sensor: Any, seed: 
     trajectory = pushed.approach(arm, setting.q, 0.02)
     true_arm = arm if plant == "exact" else pushed.heavy(arm)
     law = pushed.law(arm, impedance, reaching)
+    how: Any = {"sensor": sensor, "duration": 2.5, "substeps": 2}
     try:
-        result = pushed.met(law, true_arm, trajectory, wall, sensor, duration=2.5, substeps=2)
+        result = pushed.met(law, true_arm, trajectory, wall, **how)
     except rbi.DivergenceError as error:
         return np.append(pushed.forces(error.result, true_arm, wall), np.nan)
     return pushed.forces(result, true_arm, wall)

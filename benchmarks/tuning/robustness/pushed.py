@@ -159,13 +159,11 @@ def met(
     plant: rbi.ArmModel,
     trajectory: Callable[[float], Reference],
     wall: Wall,
-    sensor: Any,
     **settings: Any,
 ) -> rbi.SimulationResult:
-    """A run that begins on the trajectory and meets the wall."""
+    """A run that begins on the trajectory and meets the wall; more settings are those of `simulate`."""
     q0, v0, _ = trajectory(0.0)
-    acting = {"environment": wall, "sensor": sensor}
-    return simulate(law, plant, trajectory, q0=q0, v0=v0, **acting, **settings)
+    return simulate(law, plant, trajectory, environment=wall, q0=q0, v0=v0, **settings)
 
 
 def forces(result: rbi.SimulationResult, arm: rbi.ArmModel, wall: Wall) -> Array:
