@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from .._common.arrays import Array
 from ..exceptions import ModelError
 from ..robot.arm_model import ArmModel
+from ..trajectories.reference import difference_each
 from .result import SimulationResult
 
 
@@ -56,7 +56,7 @@ def energy_balance(result: SimulationResult, plant: ArmModel) -> EnergyBalance:
         )
     dynamics, rest = plant.raw_dynamics, np.zeros(plant.nv)
     states = list(zip(result.q, result.v, strict=True))
-    moved = np.array([dynamics.difference(*pair) for pair in pairwise(result.q)])
+    moved = difference_each(plant, result.q[:-1], result.q[1:])
     gravity = np.array([dynamics.bias(q, rest) for q in result.q])
     kinetic = np.array([0.5 * v @ dynamics.mass_matrix(q) @ v for q, v in states])
     lost = np.array([dynamics.friction(v) @ v for v in result.v])

@@ -7,10 +7,10 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from .._common.arrays import Array
-from ..robot.arm_model import ArmModel
 from ..simulation.result import SimulationResult
 from ..simulation.sampling import sample
 from ..trajectories import Trajectory
+from ..trajectories.reference import difference_each, integrate_each
 from .definition import Task
 
 Figures: TypeAlias = dict[str, Any]
@@ -34,8 +34,8 @@ def measure(result: SimulationResult, task: Task, trajectory: Trajectory, after:
         ParameterError: Fewer than two samples remain.
     """
     kept = result.samples_after(after)
-    e1 = _differences(task.arm, result.q, result.q_r)[kept]
-    deviation = _differences(task.arm, result.q, target_motion(result, task, trajectory))[kept]
+    e1 = difference_each(task.arm, result.q, result.q_r)[kept]
+    deviation = difference_each(task.arm, result.q, target_motion(result, task, trajectory))[kept]
     e_im, tau = result.e_im[kept], result.tau[kept]
     span = result.t[kept][-1] - result.t[kept][0]
     worst = int(np.argmax(np.abs(deviation).max(axis=0)))
@@ -74,17 +74,7 @@ def target_motion(result: SimulationResult, task: Task, trajectory: Trajectory) 
         deflection[k] = q_e
         q_e, v_e = target.advance(q_e, v_e, tau_ext)
     q_d = np.broadcast_to(sample(arm, trajectory, result.t).q, result.q.shape)
-    if arm.nq == arm.nv:
-        return np.asarray(q_d + deflection)
-    pairs = zip(q_d, deflection, strict=True)
-    return np.array([arm.raw_dynamics.integrate(q, step) for q, step in pairs])
-
-
-def _differences(arm: ArmModel, q0: Array, q1: Array) -> Array:
-    """Row by row q1 (-) q0."""
-    if arm.nq == arm.nv:
-        return np.asarray(q1 - q0)
-    return np.array([arm.raw_dynamics.difference(a, b) for a, b in zip(q0, q1, strict=True)])
+    return integrate_each(arm, q_d, deflection)
 
 
 def _largest(values: Array) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +11,7 @@ from .._common.arrays import Array, per_joint, positive, real, vector
 from ..exceptions import DimensionError, ParameterError
 from ..robot.arm_model import ArmModel
 from .limits import amplitude_within_limits, check_positions, joint_positions, warn_of_speeds
-from .reference import Reference, Sampled, SampledTrajectory, integrate_each
+from .reference import Reference, Sampled, SampledTrajectory, difference_each, integrate_each
 
 
 def hold(
@@ -113,13 +112,14 @@ def waypoints(
         )
     if not (np.diff(instants) > 0.0).all():
         raise ParameterError("times", list(times), "strictly increasing")
-    steps = np.array([arm.raw_dynamics.difference(a, b) for a, b in pairwise(knots)])
+    rows = np.array(knots)
+    steps = difference_each(arm, rows[:-1], rows[1:])
     if check_limits:
         for i, q in enumerate(knots):
             check_positions(f"configurations[{i}]", arm, joint_positions(arm, q))
         speeds = _MINIMUM_JERK_PEAK * np.abs(steps) / np.diff(instants)[:, None]
         warn_of_speeds("waypoints", arm, speeds.max(axis=0))
-    return _Waypoints(arm, np.array(knots), steps, instants)
+    return _Waypoints(arm, rows, steps, instants)
 
 
 _MINIMUM_JERK_PEAK = (

@@ -66,3 +66,16 @@ def integrate_each(arm: ArmModel, q: Array, steps: Array) -> Array:
         return np.asarray(q + steps)
     q = np.broadcast_to(q, (len(steps), arm.nq))
     return np.array([arm.raw_dynamics.integrate(*row) for row in zip(q, steps, strict=True)])
+
+
+def difference_each(arm: ArmModel, q0: Array, q1: Array) -> Array:
+    """Return q1 (-) q0 row by row, shape (n, nv) [rad or m].
+
+    Args:
+        arm: The arm.
+        q0: Configurations, shape (n, nq).
+        q1: Configurations, shape (n, nq).
+    """
+    if arm.nq == arm.nv:
+        return np.asarray(q1 - q0)
+    return np.array([arm.raw_dynamics.difference(*row) for row in zip(q0, q1, strict=True)])

@@ -18,6 +18,7 @@ from ..robot.arm_model import ArmModel
 from ..simulation.result import SimulationResult
 from ..simulation.run import simulate
 from ..trajectories import Trajectory
+from ..trajectories.reference import difference_each
 from .gain_design import Design, DesignTask
 from .plant_sample import PlantSample
 from .torque_demand import TorqueDemand
@@ -112,8 +113,7 @@ def worst_cases(
 
 def true_error(plant: ArmModel, result: SimulationResult) -> Array:
     """Return q_r (-) q over time, without the sensors' noise and delay, shape (N, nv) [rad or m]."""
-    pairs = zip(result.q, result.q_r, strict=True)
-    return np.array([plant.raw_dynamics.difference(q, q_r) for q, q_r in pairs])
+    return difference_each(plant, result.q, result.q_r)
 
 
 def needed_variation(plant: ArmModel, trajectory: Trajectory, times: Array) -> Array:
