@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +11,7 @@ import rbimpedance as rbi
 from benchmarks import arms
 from benchmarks.arms import DT, Array
 from rbimpedance.interaction import Wall, impedance_for_wall, recommended_mass
-from rbimpedance.trajectories import Reference
+from rbimpedance.trajectories import Reference, Trajectory
 
 from .common import simulate
 
@@ -118,7 +117,7 @@ def law(
     return arms.law(model, reaching, impedance)
 
 
-def approach(arm: rbi.ArmModel, q: Array, way: float) -> Callable[[float], Reference]:
+def approach(arm: rbi.ArmModel, q: Array, way: float) -> Trajectory:
     """Move down at SPEED over a way to the wall, which q touches, and brake to rest DEPTH below it."""
     direction = np.linalg.pinv(arm.jacobian(q)[:3]) @ -UP
     reach, brake = way / SPEED, 2.0 * DEPTH / SPEED
@@ -136,7 +135,7 @@ def approach(arm: rbi.ArmModel, q: Array, way: float) -> Callable[[float], Refer
 def target_alone(
     arm: rbi.ArmModel,
     impedance: rbi.Impedance,
-    trajectory: Callable[[float], Reference],
+    trajectory: Trajectory,
     wall: Wall,
     ticks: int,
 ) -> Array:
@@ -157,7 +156,7 @@ def target_alone(
 def met(
     law: rbi.ImpedanceController,
     plant: rbi.ArmModel,
-    trajectory: Callable[[float], Reference],
+    trajectory: Trajectory,
     wall: Wall,
     **settings: Any,
 ) -> rbi.SimulationResult:
