@@ -196,19 +196,27 @@ class SimulationResult:
         return excess(self)
 
     def verdict(self) -> Verdict:
-        """Return whether the run lost its arm, and why; as text it is one sentence.
+        """Return whether the run failed, and why; as text it is one sentence.
 
-        An arm is lost if
+        The whole run counts. Its start ends when the error has fallen to a tenth, at the latest in its middle.
+        Errors are those from the impedance reference, which yields to a push that is measured: an arm that gives way
+        as its target says has none. A run has failed if
 
         - a joint diverged: the run ended with a `DivergenceError`, whose `result` this is;
         - a joint was more than 0.01 rad or m beyond its position limit, and beyond where it began;
         - its error is large and does not fall: in the last quarter of the run, the root-mean-square of e1 is above
           0.05 rad or m plus a quarter of the range of the joint's reference, at most 0.5, and above 0.8 times that of
           the quarter before;
-        - a torque passed the effort limit of its joint: no motor could have done it.
+        - a joint deviated far, also where it came back: abs(e1) was above 0.1 rad or m plus half of the range of its
+          reference, at most 0.5, plus 1.5 times the largest error at the start and what half a second of the velocity
+          error there makes. With more than that, the arm was somewhere else than its motion;
+        - a torque passed the effort limit of its joint: no motor could have done it;
+        - a torque was at its limit in more than a tenth of the ticks after the start: the arm needs more than it has;
+        - a torque chatters after the start: it varies by more than ten times what its motion needs, with a ripple above
+          a thousandth of the joint's torque limit. Where sensors are noisy, above a tenth (`simulation.chatter`).
 
-        A joint that only touches its stop, saturates within its limit, or is still on its way from a far start is not
-        lost; neither is one that was faster than its velocity limit, which `metrics` counts.
+        A joint that only touches its stop, saturates on its way from a far start, or follows a small error is not
+        a failure; neither is one that was faster than its velocity limit, which `metrics` counts.
         """
         return verdict_of(self)
 

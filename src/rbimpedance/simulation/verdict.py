@@ -1,15 +1,17 @@
-"""Whether a run lost its arm, and the one sentence why."""
+"""Whether a run failed, and the one sentence why."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from .._common.arrays import Array, BoolArray
-from .violations import Logged, excess, unit_of
+from .._common.deprecation import renamed_attribute
+from .chatter import chatters, ripple_of
+from .violations import Logged, excess, force_unit_of, unit_of
 
 LARGE, LARGEST = 0.05, 0.5
 """Error that is large where the reference is constant, and where it moves far [rad or m]."""
@@ -23,22 +25,38 @@ FALLING = 0.8
 BEYOND = 0.01
 """Distance beyond a position limit that a joint may have, as on a stop that yields [rad or m]."""
 
+DEVIATION, SHARE_OF_DEVIATION = 0.1, 0.5
+"""Deviation that may be passed through: this much where the reference rests [rad or m], and a part of its range."""
+
+AT_THE_START = 1.5, 0.5
+"""Factors on the error at the start, and on its rate [s], by which `DEVIATION` grows."""
+
+SATURATED = 0.1
+"""Share of the ticks after the start in which a joint may be at its torque limit."""
+
+_ARRIVED, _LATEST_START = 0.1, 0.5  # shares of the error at the start, and of the run
 _ROUNDING = 1e-6  # of torques at their limit, relative
 _FEWEST_SAMPLES = 8  # in which an error can be said to fall
 
 
+Kind: TypeAlias = Literal[
+    "divergence", "position", "error", "deviation", "effort", "saturation", "chatter"
+]
+
+
 class Finding(NamedTuple):
-    """One reason for which a run has lost its arm.
+    """One reason for which a run has failed.
 
     Attributes:
-        kind: "divergence", "position", "error" or "effort".
+        kind: "divergence", "position", "error", "deviation", "effort", "saturation" or "chatter".
         joint: Name of the joint that is worst.
-        time: When it began, for the error the end of the run [s].
-        size: Speed, distance beyond the limit, error, or torque beyond the limit.
+        time: When it began; for the error the end of the run, for the deviation when it was largest [s].
+        size: Speed, distance beyond the limit, error, largest error, torque beyond the limit, share of the ticks, or
+            root-mean-square of the torque's ripple.
         words: The same as part of a sentence.
     """
 
-    kind: Literal["divergence", "position", "error", "effort"]
+    kind: Kind
     joint: str
     time: float
     size: float
@@ -47,10 +65,10 @@ class Finding(NamedTuple):
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether a run lost its arm. As text it is one sentence.
+    """Whether a run failed. As text it is one sentence.
 
     Attributes:
-        findings: The reasons, the gravest first; none where the arm was not lost.
+        findings: The reasons, the gravest first; none where the run did not fail.
         error: Largest root-mean-square error of any joint in the last quarter of the run [rad or m].
     """
 
@@ -58,20 +76,26 @@ class Verdict:
     error: float
 
     @property
-    def lost(self) -> bool:
+    def failed(self) -> bool:
         """Whether there is a reason."""
         return bool(self.findings)
 
+    lost = renamed_attribute("lost", "failed")
+
     def __str__(self) -> str:
-        if not self.lost:
+        if not self.failed:
             return f"within its limits; its error is {self.error:.2g} rad or m in the last quarter"
-        return "lost: " + " and ".join(finding.words for finding in self.findings)
+        return "failed: " + " and ".join(finding.words for finding in self.findings)
 
 
 def verdict_of(result: Logged) -> Verdict:
-    """Return whether a run lost its arm; see `SimulationResult.verdict` for the definition."""
-    sizes = _errors_by_quarter(result)
-    findings = (*_divergence(result), *_position(result), *_error(result, sizes), *_effort(result))
+    """Return whether a run failed; see `SimulationResult.verdict` for the definition."""
+    sizes, start = _errors_by_quarter(result), _end_of_start(result)
+    errors = tuple(_error(result, sizes)) or tuple(_deviation(result))
+    findings = (
+        *(*_divergence(result), *_position(result), *errors, *_effort(result)),
+        *(*_saturation(result, start), *_chatter(result, start)),
+    )
     return Verdict(findings, float(sizes[-1].max()))
 
 
@@ -122,6 +146,25 @@ def _error(result: Logged, sizes: Array) -> Iterator[Finding]:
         yield Finding("error", name, float(result.t[-1]), size, words)
 
 
+def _deviation(result: Logged) -> Iterator[Finding]:
+    """An error that was large at some time, though it fell afterwards."""
+    often, seconds = AT_THE_START
+    moving = np.minimum(DEVIATION + SHARE_OF_DEVIATION * _range_of_reference(result), LARGEST)
+    start = often * np.abs(result.e1[0]).max() + seconds * np.abs(result.e2[0]).max()
+    share = np.abs(result.e1) / (moving + start)
+    k, joint = np.unravel_index(int(np.argmax(share)), share.shape)
+    if share[k, joint] > 1.0:
+        size, time, unit = (
+            float(abs(result.e1[k, joint])),
+            float(result.t[k]),
+            unit_of(result, int(joint)),
+        )
+        degrees = f" ({np.rad2deg(size):.0f} deg)" if unit == "rad" else ""
+        name = result.joint_names[joint]
+        words = f"joint '{name}' was {size:.3g} {unit}{degrees} from its reference at {time:.3g} s"
+        yield Finding("deviation", name, time, size, words)
+
+
 def _effort(result: Logged) -> Iterator[Finding]:
     """A torque beyond what the motor can give."""
     over = excess(result).effort
@@ -130,12 +173,48 @@ def _effort(result: Logged) -> Iterator[Finding]:
     if share.max() > _ROUNDING:
         joint = int(np.argmax(share.max(axis=0)))
         size, time = float(over[:, joint].max()), _first(result, share[:, joint] > _ROUNDING)
-        name, force = result.joint_names[joint], "N" if unit_of(result, joint) == "m" else "N·m"
+        name, force = result.joint_names[joint], force_unit_of(result, joint)
         words = (
             f"the torque of joint '{name}' passed its limit {limit[joint]:.4g} {force} by {size:.3g}, "
             f"from {time:.3g} s"
         )
         yield Finding("effort", name, time, size, words)
+
+
+def _saturation(result: Logged, start: int) -> Iterator[Finding]:
+    """A torque that is at its limit for long, after the arm has come to its reference."""
+    late = result.saturated[start:]
+    share = late.mean(axis=0)
+    joint = int(np.argmax(share))
+    if share[joint] > SATURATED:
+        name, time = (
+            result.joint_names[joint],
+            float(result.t[start + int(np.argmax(late[:, joint]))]),
+        )
+        words = f"joint '{name}' was at its torque limit in {share[joint]:.0%} of the ticks, from {time:.3g} s"
+        yield Finding("saturation", name, time, float(share[joint]), words)
+
+
+def _chatter(result: Logged, start: int) -> Iterator[Finding]:
+    """A torque that shakes: much more variation than its slow part, and not by the noise of sensors."""
+    ripple = ripple_of(result, start)
+    if ripple is None or not (shaking := chatters(result, ripple)).any():
+        return
+    joint = int(np.argmax(np.where(shaking, ripple.share, 0.0)))
+    name, force = result.joint_names[joint], force_unit_of(result, joint)
+    words = (
+        f"the torque of joint '{name}' chatters: it varies by {ripple.variation[joint]:.3g} {force}/s, "
+        f"where its motion needs {ripple.needed[joint]:.3g}"
+    )
+    yield Finding("chatter", name, float(result.t[start]), float(ripple.size[joint]), words)
+
+
+def _end_of_start(result: Logged) -> int:
+    """Number of the first sample at which the arm has come to its reference, at most the middle of the run."""
+    size = np.abs(result.e1).max(axis=1)
+    arrived = size <= _ARRIVED * size[0]
+    latest = int(_LATEST_START * (len(size) - 1))
+    return min(int(np.argmax(arrived)) if arrived.any() else latest, latest)
 
 
 def _errors_by_quarter(result: Logged) -> Array:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from .._common.arrays import Array
+from .._common.arrays import Array, BoolArray
 from ..robot.arm_model import ArmModel
 from ..robot.rigid_bodies import movable_joints
 
@@ -38,6 +38,14 @@ class Logged(Protocol):
     @property
     def tau(self) -> Array:
         """Motor torque, shape (N, nv)."""
+
+    @property
+    def tau_ext(self) -> Array:
+        """Torque of the environment, shape (N, nv)."""
+
+    @property
+    def saturated(self) -> BoolArray:
+        """Whether the joint is at its torque limit, shape (N, nv)."""
 
     @property
     def provenance(self) -> Mapping[str, Any]:
@@ -99,8 +107,8 @@ def excess(result: Logged) -> Excess:
             position[:, j] = np.maximum(lower - result.q[:, i], result.q[:, i] - upper)
     return Excess(
         position,
-        np.abs(result.v) - [_number(x, np.inf) for x in limits["velocity"]],
-        np.abs(result.tau) - [_number(x, np.inf) for x in limits["effort"]],
+        np.abs(result.v) - limit_of(result, "velocity"),
+        np.abs(result.tau) - limit_of(result, "effort"),
     )
 
 
@@ -108,6 +116,19 @@ def unit_of(result: Logged, joint: int) -> str:
     """Return "rad" or "m", as the joint turns or slides."""
     limits: Mapping[str, Any] | None = result.provenance.get("limits")
     return "rad" if limits is None else str(limits["unit"][joint])
+
+
+def force_unit_of(result: Logged, joint: int) -> str:
+    """Return "N·m" or "N", as the joint turns or slides."""
+    return "N" if unit_of(result, joint) == "m" else "N·m"
+
+
+def limit_of(result: Logged, name: Literal["velocity", "effort"]) -> Array:
+    """Return a limit of every joint, shape (nv,); infinite where there is none, or a file does not say it."""
+    limits: Mapping[str, Any] | None = result.provenance.get("limits")
+    if limits is None:
+        return np.full(result.v.shape[1], np.inf)
+    return np.array([_number(x, np.inf) for x in limits[name]])
 
 
 def _number(value: float | None, otherwise: float) -> float:
