@@ -65,7 +65,8 @@ class ParameterError(RBImpedanceError, ValueError):
     admissible: str
 
     def __str__(self) -> str:
-        return f"{self.name} must be {self.admissible}, got {self.value!r}"
+        value = self.value.tolist() if hasattr(self.value, "tolist") else self.value
+        return f"{self.name} must be {self.admissible}, got {value!r}"
 
 
 class InputError(RBImpedanceError, ValueError):

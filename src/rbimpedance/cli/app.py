@@ -21,7 +21,7 @@ from .recording import BAD_INPUT, FAILED
 from .robots import robots
 from .run import run
 from .study import study
-from .terminal import stderr
+from .terminal import say
 from .tune import tune
 from .view import view
 
@@ -37,7 +37,7 @@ _EXAMPLES: dict[Callable[..., None], str] = {
     run: "run panda --payload 2 --armature 0.1 --html out/run.html",
     tune: "tune ur5 --payload 2 --inertia-scale 1.1 --out out",
     inspect: "inspect ur5",
-    view: "view panda --html",
+    view: "view panda --html panda.html",
     robots: "robots ur",
     paper: "paper --surface fast-terminal --scheme matched --out out",
     study: "study standard --jobs 2",
@@ -74,9 +74,9 @@ def main() -> None:
 
 
 def _say_warning(message: Warning | str, *_: object, **__: object) -> None:
-    stderr.print(f"warning: {message}", soft_wrap=True, markup=False)
+    say(f"warning: {message}")
 
 
 def _leave(words: str, code: int) -> None:
-    stderr.print(words, soft_wrap=True, markup=False)
+    say(words)
     sys.exit(code)

@@ -6,7 +6,7 @@ import numpy as np
 
 from .option_groups import with_options
 from .options import Json, Quiet, Robot, RobotOptions
-from .terminal import number, print_json, print_table, stdout, table
+from .terminal import number, print_json, print_table, stdout, table, tell
 
 _INSPECTED = (
     *("name", "nq", "nv", "joint_names", "tool_frame", "frame_names"),
@@ -40,4 +40,4 @@ def inspect(
         print_table(table(title, (*header, "M(neutral)"), rows))
         stdout.print("SI units; – means: not given, or no limit", style="dim")
     for note in arm.notes:
-        stdout.print(f"note: {note}", soft_wrap=True, markup=False)
+        tell(f"note: {note}")

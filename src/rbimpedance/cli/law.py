@@ -13,11 +13,15 @@ from ..law.super_twisting import Scheme, SuperTwisting
 from ..simulation.scenarios import SurfaceName, paper_surface
 from ..tuning import GainProposal, propose_gains
 from ..tuning.gains_file import load_gains
+from .notes import say_whether_rotors_lack
 from .options import KnowledgeOptions, numbers, option
 from .task_options import Task
 from .terminal import progress
 
 _gains = partial(option, "Gains")
+
+REMEDY_TIME = 3.0
+"""Time after which no more remedies are tried for gains that are refused [s]."""
 
 TUNING_TIME = 5.0
 """Least length of the motion that gains are tuned for, however short the run is [s]."""
@@ -77,18 +81,16 @@ class LawOptions(KnowledgeOptions):
                 raise ParameterError(f"--{name}", value, wanted)
 
 
-def tuned(
-    task: Task, *, quiet: bool, at_least: float = 0.0, accuracy: float = 1e-3
-) -> GainProposal:
+def tuned(task: Task, *, quiet: bool, at_least: float = 0.0) -> GainProposal:
     """Propose gains for a task, with a progress bar.
 
     Args:
         task: What they are for.
         quiet: No progress bar.
         at_least: Least length of the motion [s].
-        accuracy: Requested accuracy [rad or m].
     """
     arm, motion = task.arm, task.motion
+    say_whether_rotors_lack(arm, task.unknown.plant(arm).plant)
     trajectory = motion.trajectory(arm)
     with progress(f"tuning {arm.name}", quiet=quiet) as on_tick:
         return propose_gains(
@@ -99,8 +101,9 @@ def tuned(
             impedance=task.target.impedance(),
             q0=motion.start_of(arm, trajectory),
             limits=task.target.torque_limits(arm),
-            accuracy=accuracy,
+            accuracy=task.target.accuracy,
             duration=max(motion.duration, at_least),
             seed=task.unknown.seed,
             on_tick=on_tick,
+            remedy_time=REMEDY_TIME,
         )

@@ -20,7 +20,7 @@ from ..robot.load import load_robot
 from ..robot.loading.encoding import decoded
 from ..robot.loading.strict_xml import MAX_CHARACTERS
 from ..simulation.scenarios import SurfaceName
-from .terminal import stderr
+from .terminal import say
 
 
 def option(panel: str, words: str, metavar: str | None = None, name: str | None = None) -> Any:
@@ -74,9 +74,7 @@ class KnowledgeOptions:
         if self.known is None:
             return self.model or default
         now = as_knowledge({"mass": "inertia"}.get(self.known, self.known))
-        stderr.print(
-            f"warning: --known {self.known} is deprecated; write --model {now}", soft_wrap=True
-        )
+        say(f"warning: --known {self.known} is deprecated; write --model {now}")
         return self.model or now
 
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
 
 from .._common.files import remove_parts
 from ..exceptions import DivergenceError
-from ..robot.arm_model import ArmModel
 from ..simulation.closed_loop import OnTick
 from ..simulation.result import SimulationResult
 from .options import OutputOptions
-from .terminal import progress, stderr, stdout
+from .terminal import progress, say, stdout
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -49,7 +49,7 @@ def record(
             result = simulate(on_tick)
     except DivergenceError as error:
         error.result.save(file)
-        stderr.print(f"the run until it diverged is in {file}", soft_wrap=True, markup=False)
+        say(f"the run until it diverged is in {file}")
         raise
     result.save(file)
     return result
@@ -73,17 +73,33 @@ def draw(
     return [pictures.save(figure, folder / f"{stem}.png") for stem, figure in drawn.items()]
 
 
-def say_grave_notes(arm: ArmModel) -> None:
-    """Print on stderr what makes gains and runs of an arm worth less than they look."""
-    for note in arm.notes:
-        if note.startswith(("NO GRAVITY", "the tool frame")):
-            stderr.print(f"note: {note}", soft_wrap=True, markup=False)
+def prepare(*places: Path | None) -> None:
+    """Make the folders of files, before any work is done.
+
+    Args:
+        places: Folders, or files by a name with an ending.
+
+    Raises:
+        OSError: One cannot be made or written to.
+    """
+    for place in places:
+        if place is not None:
+            _check_writable(place.parent if place.suffix else place)
+
+
+def _check_writable(folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(folder)) from error
 
 
 def say_failed(reasons: Sequence[str], remedies: Sequence[str] = ()) -> None:
     """Say in one line what is wrong, and in one more each what would help."""
     for line in (f"failed: {'; '.join(reasons)}", *(f"- {remedy}" for remedy in remedies)):
-        stderr.print(line, soft_wrap=True, markup=False)
+        say(line)
 
 
 def say_written(files: Sequence[Path]) -> None:

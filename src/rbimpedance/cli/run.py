@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from .._common.arrays import whole_number
 from ..control.controller import ImpedanceController
 from ..exceptions import DivergenceError
 from ..interaction import FrameWrench
@@ -18,15 +19,17 @@ from ..simulation.checkpoint import Checkpoint
 from ..simulation.closed_loop import OnTick
 from ..simulation.plants.integrators import Integrator
 from ..simulation.result import SimulationResult
-from ..simulation.run import simulate
+from ..simulation.run import number_of_ticks, simulate
 from ..tuning.gains_file import save_gains
 from .law import TUNING_TIME, LawOptions, tuned
+from .notes import say_grave_notes
 from .option_groups import with_options
 from .options import OutputOptions, Robot, RobotOptions, numbers, option
-from .recording import FAILED, draw, record, say_failed, say_grave_notes, say_written
+from .recording import FAILED, draw, prepare, record, say_failed, say_written
 from .run_tables import result_figures, result_table
-from .task_options import MotionOptions, TargetOptions, Task, UnknownOptions
-from .terminal import print_json, print_table, stdout
+from .task_options import MotionOptions, TargetOptions, Task, UnknownOptions, naming_joints
+from .terminal import print_json, print_table, tell
+from .wording import as_options
 
 _simulation = partial(option, "Simulation")
 
@@ -54,6 +57,15 @@ class PlantOptions:
     no_stops: Annotated[
         bool, _simulation("Leave out the stops at the joints' limits.", name="--no-stops")
     ] = False
+
+    def check(self, motion: MotionOptions) -> None:
+        """Say what cannot be run before gains are searched for.
+
+        Raises:
+            ParameterError: A count of steps, or a duration that is no multiple of the period.
+        """
+        whole_number("substeps", self.substeps, 1, "the period is a multiple of the physics step")
+        number_of_ticks(motion.duration, motion.dt)
 
     def environment(self) -> FrameWrench | None:
         """Return the wrench at the tool, of a force or of a force and a moment; None without one."""
@@ -95,10 +107,13 @@ def run(
     """
     task = Task(reading.load(robot), motion, target, unknown)
     say_grave_notes(task.arm)
+    task.check()
     environment = acting.environment()
-    for folder in (output.out, *([output.html.parent] if output.html else [])):
-        folder.mkdir(parents=True, exist_ok=True)  # now, not when the run is over
-    controller, words = law.controller(task) or _tuned(task, output)
+    acting.check(task.motion)
+    prepare(output.out / "result.npz", output.html)
+    with naming_joints(task.arm):
+        given = law.controller(task)
+    controller, words = given or _tuned(task, output)
     payload = unknown.plant(task.arm).payload
     title = f"{task.arm.name}, payload {payload:g} kg, {words}, dt = {controller.dt:g} s"
     checkpoint = Checkpoint(
@@ -149,14 +164,13 @@ def _simulate(
 def _tuned(task: Task, output: OutputOptions) -> tuple[ImpedanceController, str]:
     """Tune gains and say so; where there are none, say why and leave."""
     if not output.silent:
-        stdout.print(f"no gains given: tuning {task.arm.name} for what is unknown", markup=False)
+        tell(f"no gains given: tuning {task.arm.name} for what is unknown")
     proposal = tuned(task, quiet=output.silent, at_least=TUNING_TIME)
     if not proposal.feasible:
         _end(output, task.arm.name, [f"no gains: {proposal.reason}"], remedies=proposal.remedies)
-    output.out.mkdir(parents=True, exist_ok=True)
     file = save_gains(proposal, output.out / "gains.json")
     if not output.silent:
-        stdout.print(proposal.explain(), soft_wrap=True, markup=False)
+        tell(proposal.explain())
     return proposal.controller(task.target.impedance()), f"tuned gains ({file})"
 
 
@@ -169,6 +183,7 @@ def _end(
     remedies: Sequence[str] = (),
 ) -> None:
     """Say what came out of a run: first what is wrong, then its figures and files; leave with 1 where it failed."""
+    reasons, remedies = ([as_options(words) for words in given] for given in (reasons, remedies))
     if reasons:
         say_failed(reasons, remedies)
     if output.as_json:
@@ -181,7 +196,7 @@ def _end(
         if not output.quiet:
             print_table(result_table(title, result))
             if not reasons:
-                stdout.print(f"ok: {result.verdict()}", soft_wrap=True, markup=False)
+                tell(f"ok: {result.verdict()}")
         say_written(files)
     if reasons:
         raise typer.Exit(FAILED)

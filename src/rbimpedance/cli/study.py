@@ -11,7 +11,7 @@ import typer
 from .._common.files import whole_file
 from ..study import Study, find_study, run_study, summarize
 from .study_tables import tables
-from .terminal import print_json, print_table, progress, stderr, stdout
+from .terminal import print_json, print_table, progress, say, stdout
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -78,7 +78,7 @@ def _rows(
         words = (
             f"stopped: what is done is kept in '{folder}'; the same command continues from there"
         )
-        stderr.print(words, soft_wrap=True, markup=False)
+        say(words)
         raise typer.Exit(INTERRUPTED) from None
 
 

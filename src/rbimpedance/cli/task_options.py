@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any, NamedTuple
@@ -10,8 +11,8 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array
-from ..exceptions import ParameterError
+from .._common.arrays import Array, per_joint, positive, positive_number
+from ..exceptions import DimensionError, InputError, ParameterError
 from ..law.impedance import Impedance
 from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory, cosine
@@ -105,6 +106,7 @@ class TargetOptions:
     mass: Annotated[str, _target("M_d, per joint.", "M[,M..]")] = "1"
     damping: Annotated[str, _target("D_d, per joint.", "D[,D..]")] = "10"
     stiffness: Annotated[str, _target("K_d, per joint.", "K[,K..]")] = "20"
+    accuracy: Annotated[float, _target("Largest error allowed in rad or m.", "X")] = 1e-3
     limits: Annotated[
         str | None,
         _target(
@@ -135,6 +137,16 @@ class TargetOptions:
         return None if self.limits == "none" else numbers("--limits", self.limits)
 
 
+@contextmanager
+def naming_joints(arm: ArmModel) -> Iterator[None]:
+    """Add the names of the joints to errors about how many numbers there are."""
+    try:
+        yield
+    except DimensionError as error:
+        names = ", ".join(arm.joint_names)
+        raise InputError(f"{error}; the {arm.nv} joints are {names}") from error
+
+
 class Task(NamedTuple):
     """What a controller is for.
 
@@ -150,10 +162,34 @@ class Task(NamedTuple):
     target: TargetOptions
     unknown: UnknownOptions
 
+    def check(self) -> None:
+        """Read every option once, so that what cannot be is said before any work is done.
+
+        Raises:
+            ParameterError: A value that cannot be.
+            InputError: The same, or a motion outside the joints' limits.
+        """
+        with naming_joints(self.arm):
+            self._check()
+
+    def _check(self) -> None:
+        positive_number("dt", self.motion.dt, "control period in seconds")
+        positive_number("duration", self.motion.duration, "length in seconds")
+        positive_number("accuracy", self.target.accuracy, "error")
+        self.unknown.uncertainty()
+        self.unknown.plant(self.arm)
+        self.motion.start_of(self.arm, self.motion.trajectory(self.arm))
+        self.target.impedance().filter(self.arm.nv, self.motion.dt)
+        limits = self.target.torque_limits(self.arm)
+        if limits is not None:
+            per_joint("--limits", positive("--limits", limits), self.arm.nv)
+
 
 def _posture(option: str, text: str, arm: ArmModel) -> Array:
     """Read joint positions, one for all or one each [rad or m]; returns a configuration, shape (nq,)."""
     positions = np.ravel(numbers(option, text))
     if len(positions) not in {1, arm.nv}:
-        raise ParameterError(option, text, f"one number, or one for each of the {arm.nv} joints")
+        names = ", ".join(arm.joint_names)
+        words = f"one number, or {arm.nv} numbers, one for each of the joints {names}"
+        raise ParameterError(option, text, words)
     return arm.integrate(arm.zero, np.broadcast_to(positions, arm.nv).copy())

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import threading
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -16,6 +18,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Column, Table
 from rich.text import Text
 
+from .wording import as_options
+
+SILENCE = 2.0
+"""Longest time of work without a word, where stderr is no terminal [s]."""
+
+_BETWEEN_LINES = 10.0  # of progress, there [s]
 _REFRESH_TICKS = 100
 _LONGEST_CELL = 40  # characters, beyond which a cell may be wrapped
 _FRAME = 3  # characters of a column's padding and border
@@ -27,16 +35,42 @@ stderr = Console(stderr=True)
 """For progress and errors."""
 
 
+def say(words: str) -> None:
+    """Print a line on stderr, in the terms of the command line."""
+    stderr.print(as_options(words), soft_wrap=True, markup=False)
+
+
+def tell(words: str) -> None:
+    """Print a result in words on stdout, in the terms of the command line."""
+    stdout.print(as_options(words), soft_wrap=True, markup=False)
+
+
 @contextmanager
 def progress(
     title: str, *, quiet: bool, every: int = _REFRESH_TICKS
 ) -> Iterator[Callable[[int, int], None]]:
-    """Show a progress bar with the time left on stderr, where that is a terminal; yields a callback (done, total)."""
+    """Show progress on stderr; yields a callback (done, total).
+
+    A bar with the time left in a terminal; elsewhere a line where work takes long, and another one every ten seconds.
+    """
+    if quiet:
+        yield _nothing
+    elif stderr.is_terminal:
+        with _bar(title, every) as update:
+            yield update
+    else:
+        with _lines(title) as update:
+            yield update
+
+
+def _nothing(_done: int, _total: int) -> None:
+    """Show nothing."""
+
+
+@contextmanager
+def _bar(title: str, every: int) -> Iterator[Callable[[int, int], None]]:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    hidden = quiet or not stderr.is_terminal
-    with Progress(
-        *columns, TimeRemainingColumn(), console=stderr, transient=True, disable=hidden
-    ) as bar:
+    with Progress(*columns, TimeRemainingColumn(), console=stderr, transient=True) as bar:
         task = bar.add_task(escape(title), total=None)
 
         def update(done: int, total: int) -> None:
@@ -44,6 +78,26 @@ def progress(
                 bar.update(task, completed=done, total=total)
 
         yield update
+
+
+@contextmanager
+def _lines(title: str) -> Iterator[Callable[[int, int], None]]:
+    """A line after `SILENCE`, also from work that does not call back, and then one every `_BETWEEN_LINES`."""
+    first = threading.Timer(SILENCE, say, (f"{title} ...",))
+    first.daemon = True
+    first.start()
+    last = time.monotonic() + SILENCE
+
+    def update(done: int, total: int) -> None:
+        nonlocal last
+        if time.monotonic() - last > _BETWEEN_LINES:
+            last = time.monotonic()
+            say(f"{title}: {done} of {total}")
+
+    try:
+        yield update
+    finally:
+        first.cancel()
 
 
 def table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from ..tuning import GainProposal
 from ..tuning.gains_file import proposal_data, save_gains
 from .law import tuned
+from .notes import say_grave_notes
 from .option_groups import with_options
 from .options import OutputOptions, Robot, RobotOptions
-from .recording import FAILED, say_grave_notes, say_written
+from .recording import FAILED, prepare, say_written
 from .task_options import MotionOptions, TargetOptions, Task, UnknownOptions
-from .terminal import print_json, print_table, stdout
+from .terminal import print_json, print_table, tell
 from .tune_tables import case_names, gains_table, torque_table, worst_table
 
 
@@ -26,21 +26,20 @@ def tune(
     motion: MotionOptions,
     target: TargetOptions,
     output: OutputOptions,
-    accuracy: Annotated[
-        float, typer.Option("--accuracy", metavar="RAD", help="Largest error allowed.")
-    ] = 1e-3,
 ) -> None:
     """Propose gains for what is not known about a robot, or say why there are none (exit code 1)."""
     task = Task(reading.load(robot), motion, target, unknown)
     say_grave_notes(task.arm)
-    proposal = tuned(task, quiet=output.silent, accuracy=accuracy)
+    task.check()
+    prepare(output.out)
+    proposal = tuned(task, quiet=output.silent)
     files = _write(proposal, output.out)
     if output.as_json:
         print_json(proposal_data(proposal))
     else:
         if not output.quiet:
             _print_tables(proposal)
-        stdout.print(proposal.explain(), soft_wrap=True, markup=False)
+        tell(proposal.explain())
         say_written(files)
     if not proposal.feasible:
         raise typer.Exit(FAILED)
@@ -59,7 +58,6 @@ def _write(proposal: GainProposal, out: Path) -> list[Path]:
     """Write gains.json, and the errors of the worst samples where any was simulated."""
     from ..pictures import figures  # noqa: PLC0415  (Matplotlib takes half a second)
 
-    out.mkdir(parents=True, exist_ok=True)
     files = [save_gains(proposal, out / "gains.json")]
     if proposal.worst:
         cases = zip(case_names(proposal), proposal.worst, strict=True)

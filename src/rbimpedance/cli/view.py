@@ -13,8 +13,8 @@ import typer
 from ..simulation.result import SimulationResult
 from .option_groups import with_options
 from .options import DescriptionOptions, Json, Quiet
-from .recording import say_written
-from .terminal import print_json, progress, stderr, stdout
+from .recording import prepare, say_written
+from .terminal import print_json, progress, say, stdout
 
 if TYPE_CHECKING:
     from ..pictures.viewer import Viewer
@@ -28,11 +28,10 @@ def view(
     ],
     reading: DescriptionOptions,
     html: Annotated[
-        bool, typer.Option("--html", help="Write one HTML file, and do not serve the page.")
-    ] = False,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Its name. Default: NAME.html.")
+        Path | None,
+        typer.Option("--html", metavar="FILE", help="Write the page as one HTML file instead."),
     ] = None,
+    out: Annotated[Path | None, typer.Option("--out", hidden=True)] = None,
     open_browser: Annotated[
         bool, typer.Option("--open", help="Open the system's browser.")
     ] = False,
@@ -43,6 +42,10 @@ def view(
     quiet: Quiet = False,
 ) -> None:
     """Show a robot, or the animation of a result, in a browser: served on this machine, or as one file."""
+    if out is not None:
+        say(f"warning: --out {out} is deprecated; write --html {out}")
+        html = html or out
+    prepare(html)
     from ..pictures import viewer as pictures  # noqa: PLC0415  (takes a second)
 
     with progress(f"drawing {shown}", quiet=quiet or as_json):
@@ -52,9 +55,9 @@ def view(
             else pictures.view(reading.load_for_display(shown), port=port)
         )
     for note in viewer.notes if not as_json else ():
-        stderr.print(f"note: {note}", soft_wrap=True, markup=False)
-    if html or out is not None:
-        file = viewer.save_html(out or f"{viewer.arm.name.replace('/', '_')}.html")
+        say(f"note: {note}")
+    if html is not None:
+        file = viewer.save_html(html)
         if as_json:
             print_json({"file": str(file), "notes": viewer.notes})
         else:
@@ -81,4 +84,4 @@ def _open(viewer: Viewer) -> None:
         warnings.simplefilter("always")
         viewer.open()
     for warning in said:
-        stderr.print(f"note: {warning.message}", soft_wrap=True, markup=False)
+        say(f"note: {warning.message}")

@@ -154,7 +154,7 @@ def closed_loop(
     joint_stops: bool | JointStops = False,
 ) -> ClosedLoop:
     """Return the checked parts of a run; arguments and errors are those of `simulate`."""
-    ticks = _number_of_ticks(duration, controller.dt)
+    ticks = number_of_ticks(duration, controller.dt)
     whole_number("substeps", substeps, 1, "the period is a multiple of the physics step")
     check_choice("integrator", integrator, INTEGRATORS)
     arm, engine = (plant, None) if isinstance(plant, ArmModel) else (plant.arm, plant)
@@ -197,7 +197,12 @@ def check_choice(name: str, value: str, choices: Iterable[str]) -> None:
         raise ParameterError(name, value, "one of " + ", ".join(map(repr, choices)))
 
 
-def _number_of_ticks(duration: float, dt: float) -> int:
+def number_of_ticks(duration: float, dt: float) -> int:
+    """Return how many control periods a run lasts.
+
+    Raises:
+        ParameterError: The duration is not positive, or no multiple of the period.
+    """
     duration = positive_number("duration", duration, "length of the run in seconds")
     ticks = max(round(duration / dt), 1)
     if abs(ticks * dt - duration) > 1e-9 * duration:

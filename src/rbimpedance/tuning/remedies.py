@@ -111,12 +111,15 @@ def _ways(trial: Trial, refused: Checked) -> Iterator[list[Step]]:
     if demand is not None and not demand.with_reserve:
         yield from within_limits(task, refused.design, demand)
         return
+    if not task.arm.armature.any():
+        yield _armature(task)  # descriptions leave it out: the usual reason
     if refused.worst:
         yield _longer(task)
         yield _from_the_start(trial)
     yield _payload(task)
     yield _known_payload(task)
-    yield _armature(task)
+    if task.arm.armature.any():
+        yield _armature(task)
     yield _period(task)
     yield _delay_and_noise(task)
     yield _accuracy(task, refused)

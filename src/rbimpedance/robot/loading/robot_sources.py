@@ -125,9 +125,8 @@ def _read_string(source: str, reading: Reading) -> RobotText:
         raise MissingExtraError(
             f"the robot_descriptions name '{shortened(source)}'", "descriptions"
         )
-    raise ModelError(
-        f"no robot is called '{source}'{suggest_robot(source, known_names())}; {_KINDS_OF_SOURCE}"
-    )
+    near = suggest_robot(source, known_names())
+    raise ModelError(f"no robot is called '{source}'{near.removesuffix('?')}; {_KINDS_OF_SOURCE}")
 
 
 def _plain(text: str, reading: Reading) -> str:
