@@ -102,7 +102,16 @@ def test_inspect_prints_the_limits_that_the_urdf_gives(
         (("run", "two_link", *GAINS, "--wrench", "1,2,3,4"), "3 or 6 numbers"),
         (("run", "two_link", *GAINS, "--limits", "urdf"), "without effort limits"),
         (("run", "panda", *GAINS, "--amplitude", "3"), "outside its position limits"),
-        (("tune", "two_link", "--center", "1,2,3"), "each of the 2 joints"),
+        (
+            ("tune", "two_link", "--center", "1,2,3"),
+            "2 numbers, one for each of the joints joint1, joint2",
+        ),
+        (
+            ("run", "panda", "--start", "1,2"),
+            "8 numbers, one for each of the joints panda_joint1, ",
+        ),
+        (("run", "ur5", "--amplitude", "1,2"), "the 6 joints are shoulder_pan_joint"),
+        (("run", "ur5", *GAINS, "--k1", "1,2"), "the 6 joints are shoulder_pan_joint"),
         (("robots", "no_such_robot"), "no_such_robot"),
         (("inspect", "two_link", "--gravity", "0,0"), "--gravity"),
     ],
@@ -140,11 +149,11 @@ def test_divergence_is_exit_code_1_and_keeps_the_run_so_far(
     assert np.isfinite(kept.q).all()
 
 
-def test_view_writes_one_file_named_after_the_robot(
+def test_view_writes_one_file_of_the_given_name(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert call(monkeypatch, "view", "two_link", "--html") == 0
+    assert call(monkeypatch, "view", "two_link", "--html", "two_link.html") == 0
     assert "two_link.html" in capsys.readouterr().out
     assert [path.name for path in tmp_path.iterdir()] == ["two_link.html"]
 
@@ -156,7 +165,7 @@ def test_run_writes_the_animation_that_view_writes_from_its_result(
     run, view = tmp_path / "run.html", tmp_path / "view.html"
     options = (*GAINS, "--duration", "0.2", "--wrench", "0,0,5", "--quiet", "--out", str(tmp_path))
     assert call(monkeypatch, "run", "two_link", *options, "--html", str(run)) == 0
-    assert call(monkeypatch, "view", str(tmp_path / "result.npz"), "--out", str(view)) == 0
+    assert call(monkeypatch, "view", str(tmp_path / "result.npz"), "--html", str(view)) == 0
     assert abs(run.stat().st_size - view.stat().st_size) < 1000  # one arrow, given or found
 
 
@@ -275,7 +284,7 @@ def test_gains_that_do_not_exist_are_exit_code_1_with_the_remedies(
     verdict = json.loads(said.out)["verdict"]
     assert said.err.startswith(f"failed: {verdict['failures'][0]}\n- ")
     assert verdict["failures"][0].startswith("no gains: joint 'joint")
-    assert any(remedy.startswith("accuracy = ") for remedy in verdict["remedies"])
+    assert any(remedy.startswith("--accuracy ") for remedy in verdict["remedies"])
 
 
 @pytest.mark.slow

@@ -56,10 +56,10 @@ COMMANDS = {
     "inspect ur5": Shown((r"ur5: nq = 6, nv = 6, tool frame 'ee_link'", r"elbow_joint .* 150 ")),
     "inspect my_arm.urdf": Shown((r"my_arm: nq = 2, nv = 2", r"elbow +│ +-2 │ +2 │")),
     "inspect my_arm.urdf.xacro --xacro-arg payload:=4": Shown((r"my_arm: nq = 1", r"lift .* 4 │$")),
-    "view ur5 --html": Shown((r"^written: ur5\.html$",), ("ur5.html",)),
+    "view ur5 --html ur5.html": Shown((r"^written: ur5\.html$",), ("ur5.html",)),
     "view panda": Shown((r"http://127\.0\.0\.1:\d+\S* shows it, until Ctrl-C",)),
-    "view panda --html": Shown((r"^written: panda\.html$",), ("panda.html",)),
-    "view out/result.npz --out run.html": Shown(
+    "view panda --html panda.html": Shown((r"^written: panda\.html$",), ("panda.html",)),
+    "view out/result.npz --html run.html": Shown(
         (r"^written: run\.html$",), ("run.html",), needs=(f"{_RUN} --out out",), slow=True
     ),
     "paper": Shown(

@@ -9,8 +9,14 @@ from ..simulation.scenarios import paper_comparison
 from .option_groups import with_options
 from .options import Duration, KnowledgeOptions, OutputOptions, Period, SchemeName, Surface
 from .recording import draw, record, say_written
-from .run_tables import comparison_figures, comparison_table, result_figures, result_table
-from .terminal import print_json, print_table, progress
+from .run_tables import (
+    LEGEND,
+    comparison_figures,
+    comparison_table,
+    result_figures,
+    result_tables,
+)
+from .terminal import explain, print_json, print_table, progress
 
 _FIGURES = {
     "fig2_errors": "tracking_errors",
@@ -43,9 +49,11 @@ def paper(
         print_json(said | {"comparison": comparison_figures(compared)})
         return
     if not output.quiet:
-        print_table(result_table(title, result))
+        for shown in result_tables(title, result):
+            print_table(shown)
         words = "The same with each correction, and the baselines; inertia known"
         print_table(comparison_table(words, compared))
+        explain(LEGEND)
     say_written(files)
 
 

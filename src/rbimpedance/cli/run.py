@@ -26,9 +26,9 @@ from .notes import say_grave_notes
 from .option_groups import with_options
 from .options import OutputOptions, Robot, RobotOptions, numbers, option
 from .recording import FAILED, draw, prepare, record, say_failed, say_written
-from .run_tables import result_figures, result_table
+from .run_tables import LEGEND, result_figures, result_tables
 from .task_options import MotionOptions, TargetOptions, Task, UnknownOptions, naming_joints
-from .terminal import print_json, print_table, tell
+from .terminal import explain, print_json, print_table, tell
 from .wording import as_options
 
 _simulation = partial(option, "Simulation")
@@ -194,7 +194,9 @@ def _end(
         print_json(said)
     elif result is not None:
         if not output.quiet:
-            print_table(result_table(title, result))
+            for shown in result_tables(title, result):
+                print_table(shown)
+            explain(LEGEND)
             if not reasons:
                 tell(f"ok: {result.verdict()}")
         say_written(files)

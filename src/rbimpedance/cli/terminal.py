@@ -45,6 +45,11 @@ def tell(words: str) -> None:
     stdout.print(as_options(words), soft_wrap=True, markup=False)
 
 
+def explain(words: str) -> None:
+    """Print what the names in a table mean, below it."""
+    stdout.print(words, style="dim", markup=False, highlight=False)
+
+
 @contextmanager
 def progress(
     title: str, *, quiet: bool, every: int = _REFRESH_TICKS
@@ -90,7 +95,7 @@ def _lines(title: str) -> Iterator[Callable[[int, int], None]]:
 
     def update(done: int, total: int) -> None:
         nonlocal last
-        if time.monotonic() - last > _BETWEEN_LINES:
+        if done and time.monotonic() - last > _BETWEEN_LINES:
             last = time.monotonic()
             say(f"{title}: {done} of {total}")
 
@@ -113,10 +118,8 @@ def table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> T
 
 
 def print_table(built: Table) -> None:
-    """Print a table. In a narrow terminal it continues below, with its first column repeated."""
+    """Print a table. Where it is too wide it continues below, with its first column repeated; a file has 80 columns."""
     stdout.print(f"[bold]{built.title}[/bold]", soft_wrap=True, highlight=False)
-    if not stdout.is_terminal:
-        stdout.width = max(stdout.width, sum(map(_widest, built.columns)) + 1)
     room = stdout.width
     first, *rest = built.columns
     while rest:

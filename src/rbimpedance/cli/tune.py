@@ -14,8 +14,16 @@ from .option_groups import with_options
 from .options import OutputOptions, Robot, RobotOptions
 from .recording import FAILED, prepare, say_written
 from .task_options import MotionOptions, TargetOptions, Task, UnknownOptions
-from .terminal import print_json, print_table, tell
-from .tune_tables import case_names, gains_table, torque_table, worst_table
+from .terminal import explain, print_json, print_table, tell
+from .tune_tables import (
+    LEGEND,
+    WORST_LEGEND,
+    case_names,
+    gains_tables,
+    step_error,
+    torque_tables,
+    worst_table,
+)
 
 
 @with_options
@@ -46,12 +54,14 @@ def tune(
 
 
 def _print_tables(proposal: GainProposal) -> None:
-    print_table(gains_table(proposal))
-    torque = torque_table(proposal)
-    if torque is not None:
-        print_table(torque)
+    for shown in gains_tables(proposal):
+        print_table(shown)
+    explain(LEGEND)
+    for shown in torque_tables(proposal):
+        print_table(shown)
     if proposal.worst:
         print_table(worst_table(proposal))
+        explain(WORST_LEGEND.format(step=step_error(proposal)))
 
 
 def _write(proposal: GainProposal, out: Path) -> list[Path]:

@@ -2,20 +2,41 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 from rich.table import Table
 
 from .._common.arrays import Array
+from ..control.default_gains import slope_at_zero
+from ..simulation.violations import units_of
 from ..tuning import GainProposal
 from .terminal import number, table
+from .units import Units, kinds
+
+_INSTANTS = 200  # at which the acceleration of a motion is taken
 
 _COLUMNS = (
-    *("k1", "k2", "margin", "mismatch [N m]", "inertia [kg m^2]", "rate [rad/s^3]"),
-    *("error left [rad]", "noise [N m]"),
+    *("k1", "k2", "margin", "mismatch [{f}]", "inertia [{m}]", "rate [{x}/s^3]"),
+    *("error left [{x}]", "noise [{f}]"),
 )
 
+LEGEND = (
+    "k1, k2: gains; margin: how many periods the scheme takes to respond; mismatch: largest torque that the model gets "
+    "wrong; inertia: smallest that the motors move; rate: how fast the disturbance changes; error left: what remains "
+    "of such a disturbance, one joint alone; noise: torque that sensor noise causes"
+)
+"""What the columns of the table of gains mean."""
 
-def gains_table(proposal: GainProposal) -> Table:
+WORST_LEGEND = (
+    "|e1| late: error at the end of the simulated motion. Beside the disturbance it has the coupling of the joints, "
+    "the changes of the motion, and what the step of the simulation makes, up to {step:.2g}; variation: all ups "
+    "and downs of the torque in a second; needed: those that the motion needs"
+)
+"""What the columns of the table of worst samples mean."""
+
+
+def gains_tables(proposal: GainProposal) -> Iterator[Table]:
     """One row per joint: the gains, and the bounds that they come from."""
     mismatch = proposal.mismatch
     columns = (
@@ -23,30 +44,46 @@ def gains_table(proposal: GainProposal) -> Table:
         *(mismatch.torque, mismatch.inertia, mismatch.disturbance_rate),
         *(proposal.error, proposal.noise_torque),
     )
-    rows = [
-        [name, *(number(float(column[i])) for column in columns)]
-        for i, name in enumerate(proposal.nominal.joint_names)
-    ]
     verdict = "proposed gains" if proposal.feasible else "REFUSED, the numbers behind it"
     title = f"{proposal.nominal.name}, dt = {proposal.dt:g} s: {verdict}"
-    return table(title, ("joint", *_COLUMNS), rows)
+    yield from _by_joint(title, proposal, _COLUMNS, columns)
 
 
-def torque_table(proposal: GainProposal) -> Table | None:
-    """One row per joint: what the motion needs of its limits; None where there are none."""
+def torque_tables(proposal: GainProposal) -> Iterator[Table]:
+    """One row per joint: what the motion needs of its limits; none where there are no limits."""
     demand = proposal.torque
     if demand is None:
-        return None
+        return
     columns: tuple[Array, ...] = (demand.needed, demand.reserve, demand.limit, demand.lack)
-    header = ["needs [N m]", "reserve wanted [N m]", "limit [N m]", "lacks [N m]"]
+    header = ["needs [{f}]", "reserve wanted [{f}]", "limit [{f}]", "lacks [{f}]"]
     if np.isfinite(demand.rate_limit).any():
         columns += (demand.rate_needed, demand.rate_limit, demand.rate_lack)
-        header += ["needs [N m/s]", "limit [N m/s]", "lacks [N m/s]"]
-    rows = [
-        [name, *(number(float(column[i])) for column in columns)]
-        for i, name in enumerate(proposal.nominal.joint_names)
-    ]
-    return table("torque, over all plants", ("joint", *header), rows)
+        header += ["needs [{f}/s]", "limit [{f}/s]", "lacks [{f}/s]"]
+    yield from _by_joint("torque, over all plants", proposal, header, columns)
+
+
+def _by_joint(
+    title: str, proposal: GainProposal, header: Sequence[str], columns: Sequence[Array]
+) -> Iterator[Table]:
+    """A table for the joints that turn, and one for those that slide."""
+    for kind in kinds(units_of(proposal.nominal)):
+        rows = [
+            [proposal.nominal.joint_names[i], *(number(float(column[i])) for column in columns)]
+            for i in kind.joints
+        ]
+        yield table(title, ("joint", *map(kind.write, header)), rows)
+
+
+def step_error(proposal: GainProposal) -> float:
+    """Largest error that the step h of the simulated plant makes: h/2·abs(a), over the slope of the surface at zero.
+
+    Semi-implicit Euler moves by the velocity at the end of a step, which is h/2·a more than the mean that is measured.
+    """
+    times = np.linspace(0.0, proposal.worst[0].result.t[-1], _INSTANTS).tolist()
+    a = np.max([np.abs(proposal.trajectory(t).a) for t in times], axis=0)
+    h = proposal.dt / proposal.worst[0].result.provenance["substeps"]
+    slope = slope_at_zero(proposal.surface, proposal.nominal.nv)
+    return float((h / 2.0 * a / slope).max())
 
 
 def worst_table(proposal: GainProposal) -> Table:
@@ -61,7 +98,10 @@ def worst_table(proposal: GainProposal) -> Table:
         ]
         for name, case in zip(case_names(proposal), proposal.worst, strict=True)
     ]
-    header = ("worst sample", "|e1| late [rad]", "variation [N m/s]", "needed [N m/s]", "")
+    units = Units("rad or m", "N·m or N", "", ())
+    (kind,) = found if len(found := tuple(kinds(units_of(proposal.nominal)))) == 1 else (units,)
+    columns = ("|e1| late [{x}]", "variation [{f}/s]", "needed [{f}/s]")
+    header = ("worst sample", *map(kind.write, columns), "")
     return table("simulated", header, rows)
 
 

@@ -87,8 +87,20 @@ def limits_of(arm: ArmModel) -> dict[str, list[Any]]:
     }
     return plain | {
         "q_index": [joint.idx_q if joint.nq == 1 else None for joint in joints],
-        "unit": ["m" if joint.shortname().startswith("JointModelP") else "rad" for joint in joints],
+        "unit": list(units_of(arm)),
     }
+
+
+def units_of(arm: ArmModel) -> tuple[str, ...]:
+    """Return "rad" or "m" for each joint, as it turns or slides."""
+    model = arm.raw_dynamics.model
+    joints = (model.joints[j] for j in movable_joints(model))
+    return tuple("m" if joint.shortname().startswith("JointModelP") else "rad" for joint in joints)
+
+
+def error_unit(arm: ArmModel) -> str:
+    """Return the unit of an arm's errors: "rad", "m", or "rad or m"."""
+    return " or ".join(sorted(set(units_of(arm)), reverse=True))
 
 
 def excess(result: Logged) -> Excess:

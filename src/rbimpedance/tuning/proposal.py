@@ -19,6 +19,7 @@ from ..law.limits import Limits, as_limits
 from ..law.super_twisting import SuperTwisting
 from ..law.surfaces import NonsingularTerminalSurface, Surface
 from ..robot.arm_model import ArmModel
+from ..simulation.violations import error_unit
 from ..trajectories import Trajectory
 from .checks import Checked
 from .gain_design import DesignTask
@@ -117,8 +118,19 @@ class GainProposal:
         return (
             f"The controller's model holds {self.payload:.3g} kg. A plant answers with {mismatch.gain_low:.2g} to "
             f"{mismatch.gain_high:.2g} times the acceleration that the model expects; the scheme tolerates up to "
-            f"{self.gain_limit:.2g} with margin {float(self.margin.max()):.3g} at dt = {self.dt:g} s. The error that "
-            f"is left is about {self.error.max():.2g} rad." + self._explain_torque()
+            f"{self.gain_limit:.2g} with margin {float(self.margin.max()):.3g} at dt = {self.dt:g} s. "
+            f"{self._explain_error()}{self._explain_torque()}"
+        )
+
+    def _explain_error(self) -> str:
+        """The error in simulation, and the part of it that was predicted."""
+        unit = error_unit(self.nominal)
+        late = max((float(case.error.max()) for case in self.worst if not case.noisy), default=0.0)
+        if late <= self.error.max():
+            return f"The error that is left is about {self.error.max():.2g} {unit}."
+        return (
+            f"The error that is left is {late:.2g} {unit} in simulation; the disturbance alone makes about "
+            f"{self.error.max():.2g} of it."
         )
 
     def _explain_remedies(self) -> str:

@@ -18,6 +18,7 @@ from ...law.surfaces import Surface
 from ...simulation.energy import EnergyBalance
 from ...simulation.result import SimulationResult
 from .style import COLORS, STYLE, NotebookFigure, draw_cells, draw_channels, panels
+from .units import force_unit, position_unit, rate_unit
 
 _FLOOR = 1e-12  # errors below it are drawn at it: a log scale has no zero
 
@@ -31,8 +32,8 @@ def convergence(result: SimulationResult, certificate: Certificate | None = None
     """
     with panels(rows=2) as (figure, axes):
         for panel, values, label in (
-            (axes[0], result.e1, r"$|e_1|$ [rad]"),
-            (axes[1], result.e_im, r"$|e_{im}|$ [N$\cdot$m]"),
+            (axes[0], result.e1, f"$|e_1|$ [{position_unit(result)}]"),
+            (axes[1], result.e_im, f"$|e_{{im}}|$ [{force_unit(result)}]"),
         ):
             draw_channels(panel, result, np.maximum(np.abs(values), _FLOOR), label)
             panel.set_yscale("log")
@@ -90,7 +91,8 @@ def chatter_spectrum(results: Mapping[str, SimulationResult], joint: int = 0) ->
             amplitudes = 2.0 * np.abs(np.fft.rfft((tau - tau.mean()) * window)) / window.sum()
             frequencies = np.fft.rfftfreq(len(tau), float(result.t[1] - result.t[0]))
             axes[0].loglog(frequencies[1:], np.maximum(amplitudes[1:], _FLOOR), label=name)
-        axes[0].set_ylabel(rf"amplitude of $\tau_{joint + 1}$ [N$\cdot$m]")
+        unit = " or ".join(dict.fromkeys(force_unit(result, joint) for result in results.values()))
+        axes[0].set_ylabel(rf"amplitude of $\tau_{joint + 1}$ [{unit}]")
         axes[0].legend(loc="upper right", fontsize=7.5)
     return figure
 
@@ -104,7 +106,8 @@ def phase_plane(result: SimulationResult, surface: Surface, joint: int = 0) -> F
         joint: Index of the joint.
     """
     e1, e2 = result.e1[:, joint], result.e2[:, joint]
-    with panels(rows=1, width=3.6, height=3.2, xlabel="$e_1$ [rad]") as (figure, axes):
+    xlabel = f"$e_1$ [{position_unit(result, joint)}]"
+    with panels(rows=1, width=3.6, height=3.2, xlabel=xlabel) as (figure, axes):
         reach = 1.15 * max(np.abs(e1).max(), _FLOOR), 1.15 * max(np.abs(e2).max(), _FLOOR)
         x, y = np.meshgrid(*(np.linspace(-size, size, 201) for size in reach))
         nv = result.e1.shape[1]
@@ -114,7 +117,7 @@ def phase_plane(result: SimulationResult, surface: Surface, joint: int = 0) -> F
         axes[0].plot([], [], color=COLORS[1], linestyle="--", label="$s = 0$")
         axes[0].plot(e1, e2, color=COLORS[0], label=result.joint_names[joint])
         axes[0].plot(e1[0], e2[0], "o", color=COLORS[0], markersize=4)
-        axes[0].set_ylabel("$e_2$ [rad/s]")
+        axes[0].set_ylabel(f"$e_2$ [{rate_unit(result, joint)}]")
         axes[0].legend(loc="best", fontsize=7.5)
     return figure
 
@@ -165,7 +168,7 @@ def interaction_energy(result: SimulationResult, balance: EnergyBalance) -> Figu
         balance: What `energy_balance` returned for it.
     """
     with panels(rows=2) as (figure, axes):
-        draw_channels(axes[0], result, result.tau_ext, r"$\tau_{ext}$ [N$\cdot$m]")
+        draw_channels(axes[0], result, result.tau_ext, rf"$\tau_{{ext}}$ [{force_unit(result)}]")
         for name in ("motors", "environment", "friction", "kinetic", "potential"):
             axes[1].plot(result.t, getattr(balance, name), label=name)
         axes[1].set_ylabel("energy [J]")

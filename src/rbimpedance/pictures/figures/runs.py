@@ -14,27 +14,28 @@ from matplotlib.figure import Figure
 from ..._common.arrays import Array
 from ...simulation.result import SimulationResult
 from .style import STYLE, NotebookFigure, draw_channels, name_lines, panels
+from .units import force_unit, position_unit, rate_unit
 
 
 def tracking_errors(result: SimulationResult) -> Figure:
     """Errors e1 and e2 over time (the paper's figure 2)."""
     with panels(rows=2) as (figure, axes):
-        draw_channels(axes[0], result, result.e1, "$e_1$ [rad]")
-        draw_channels(axes[1], result, result.e2, "$e_2$ [rad/s]")
+        draw_channels(axes[0], result, result.e1, f"$e_1$ [{position_unit(result)}]")
+        draw_channels(axes[1], result, result.e2, f"$e_2$ [{rate_unit(result)}]")
     return figure
 
 
 def impedance_error(result: SimulationResult) -> Figure:
     """Impedance error e_im over time (the paper's figure 3)."""
     with panels(rows=1) as (figure, axes):
-        draw_channels(axes[0], result, result.e_im, r"$e_{im}$ [N$\cdot$m]")
+        draw_channels(axes[0], result, result.e_im, rf"$e_{{im}}$ [{force_unit(result)}]")
     return figure
 
 
 def torques(result: SimulationResult) -> Figure:
     """Motor torque over time (the paper's figure 4)."""
     with panels(rows=1) as (figure, axes):
-        draw_channels(axes[0], result, result.tau, r"$\tau$ [N$\cdot$m]")
+        draw_channels(axes[0], result, result.tau, rf"$\tau$ [{force_unit(result)}]")
     return figure
 
 
@@ -46,7 +47,7 @@ def disturbance(result: SimulationResult, estimate: Array) -> Figure:
         estimate: What `estimate_disturbance` returned, shape (N, nv) [N·m or N].
     """
     with panels(rows=1) as (figure, axes):
-        draw_channels(axes[0], result, estimate, r"disturbance [N$\cdot$m]")
+        draw_channels(axes[0], result, estimate, f"disturbance [{force_unit(result)}]")
     return figure
 
 
