@@ -12,6 +12,9 @@ from operator import attrgetter as _attrgetter
 from types import ModuleType as _ModuleType
 from typing import TYPE_CHECKING
 
+from ._common import first_sign as _first_sign  # noqa: F401  (first: it waits for the others)
+
+# isort: split
 from . import interaction as interaction
 from . import simulation as simulation
 from . import study as study

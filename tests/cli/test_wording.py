@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import rbimpedance as rbi
+from rbimpedance._common import first_sign
 from rbimpedance.cli import law, terminal
 from rbimpedance.cli.terminal import progress
 from rbimpedance.cli.wording import as_options
@@ -144,6 +145,24 @@ def test_long_work_says_so_in_a_file_and_short_work_does_not(
     with progress("tuning", quiet=False):
         time.sleep(0.3)
     assert messages == ["tuning ..."]
+
+
+@pytest.mark.parametrize("name", ["rbimpedance", "-m", "my_script.py"])
+def test_slow_start_of_the_command_line_says_so(
+    monkeypatch: pytest.MonkeyPatch, capsys: Capture, name: str
+) -> None:
+    monkeypatch.setattr(first_sign, "PATIENCE", 0.05)
+    monkeypatch.setattr("sys.argv", [name])
+    monkeypatch.setattr("sys.orig_argv", ["python", "-m", "rbimpedance"])
+    first_sign.watch()
+    first_sign.loaded()
+    time.sleep(0.2)
+    assert capsys.readouterr().err == ""
+    first_sign.watch()
+    time.sleep(0.2)
+    first_sign.loaded()
+    expected = "" if name == "my_script.py" else "loading rbimpedance ...\n"
+    assert capsys.readouterr().err == expected
 
 
 def test_view_takes_its_old_option_and_warns(

@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from .. import __version__
+from .._common import first_sign
 from ..exceptions import DivergenceError, RBImpedanceError
 from .bench import bench
 from .inspect import inspect
@@ -60,6 +61,7 @@ def _root(
 
 def main() -> None:
     """Run the command line; every expected failure becomes a message and an exit code."""
+    first_sign.loaded()
     try:
         with warnings.catch_warnings():
             warnings.showwarning = _say_warning

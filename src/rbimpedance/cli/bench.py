@@ -19,7 +19,7 @@ from .._common.arrays import Array
 from ..exceptions import InputError
 from ..robot.arm_model import ArmModel
 from ..robot.load import load_robot
-from .terminal import number, print_json, progress, stdout
+from .terminal import number, print_json, progress, say, stdout
 from .timing import (
     BACKENDS,
     REALTIME,
@@ -71,6 +71,8 @@ def bench(
         raise InputError(f"--full: the benchmark with C++ and other libraries is now {words}")
     before = {} if compare is None else load(compare)
     machine = describe()
+    if compare is not None:
+        _note_other_conditions(compare, robot, machine)
     _say(f"{robot} on {machine['processor']}, pin {machine['pin']}", quiet=as_json)
     arm = load_robot(robot, lock=_FINGERS if robot == _PANDA else ())
     found: dict[str, Costs] = {}
@@ -137,6 +139,18 @@ def load(path: Path) -> Mapping[str, Costs]:
         }
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"'{path}' is not what `bench --json` printed: {error!r}") from error
+
+
+def _note_other_conditions(path: Path, robot: str, machine: Mapping[str, str]) -> None:
+    """Say where a file to compare with is of another robot or processor."""
+    data = json.loads(path.read_text(encoding="utf-8"))
+    was, now = (
+        (data.get("robot"), data.get("machine", {}).get("processor")),
+        (robot, machine["processor"]),
+    )
+    others = [f"{b} instead of {a}" for a, b in zip(was, now, strict=True) if a not in {None, b}]
+    if others:
+        say(f"note: '{path}' was measured with something else: {', '.join(others)}")
 
 
 def describe() -> dict[str, str]:

@@ -7,6 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
+
 from ..control.controller import ImpedanceController
 from ..exceptions import ParameterError
 from ..law.super_twisting import Scheme, SuperTwisting
@@ -15,8 +17,8 @@ from ..tuning import GainProposal, propose_gains
 from ..tuning.gains_file import load_gains
 from .notes import say_whether_rotors_lack
 from .options import KnowledgeOptions, numbers, option
-from .task_options import Task
-from .terminal import progress
+from .task_options import MotionOptions, Task
+from .terminal import progress, say
 
 _gains = partial(option, "Gains")
 
@@ -51,8 +53,7 @@ class LawOptions(KnowledgeOptions):
             ParameterError: Options that do not go together.
         """
         if self.gains is not None:
-            made = load_gains(self.gains).controller(task.arm, task.target.impedance())
-            return made, f"gains of {self.gains}"
+            return self._from_file(self.gains, task), f"gains of {self.gains}"
         if self.k1 is None and self.k2 is None:
             self._check_nothing_given()
             return None
@@ -69,6 +70,25 @@ class LawOptions(KnowledgeOptions):
             limits=task.target.torque_limits(task.arm),
         )
         return made, f"{surface} surface, {scheme} scheme"
+
+    def _from_file(self, file: Path, task: Task) -> ImpedanceController:
+        """Build the controller of a file; what the file was not made for is noted."""
+        gains, target = load_gains(file), task.target
+        limits = None
+        others = list(gains.outside(task.arm, task.unknown.plant(task.arm)))
+        if task.motion.dt not in {MotionOptions.dt, gains.dt}:
+            others.append(f"--dt {task.motion.dt:g} s instead of {gains.dt:g}, which is used")
+        if target.limits is not None:
+            given = target.torque_limits(task.arm)
+            limits = np.array(np.inf) if given is None else given
+            made_for = np.inf if gains.limits is None else gains.limits.effort
+            if (limits < made_for).any():
+                others.append(f"--limits {target.limits}, lower than {np.min(made_for):g} N·m")
+        if others:
+            say(
+                f"note: '{file}' was tuned for something else: {'; '.join(others)}; tune again for this"
+            )
+        return gains.controller(task.arm, target.impedance(), limits=limits)
 
     def _check_nothing_given(self) -> None:
         choices = {"surface": self.surface, "scheme": self.scheme, "model": self.knowledge("full")}

@@ -8,7 +8,7 @@ from ..simulation.scenarios import paper as paper_scenario
 from ..simulation.scenarios import paper_comparison
 from .option_groups import with_options
 from .options import Duration, KnowledgeOptions, OutputOptions, Period, SchemeName, Surface
-from .recording import draw, record, say_written
+from .recording import draw, prepare, record, say_written
 from .run_tables import (
     LEGEND,
     comparison_figures,
@@ -16,7 +16,7 @@ from .run_tables import (
     result_figures,
     result_tables,
 )
-from .terminal import explain, print_json, print_table, progress
+from .terminal import explain, print_json, print_table, progress, say
 
 _FIGURES = {
     "fig2_errors": "tracking_errors",
@@ -34,8 +34,12 @@ def paper(
     dt: Period = 1e-3,
     duration: Duration = 10.0,
 ) -> None:
-    """Reproduce section 4 of the paper: figures 2 to 4, the data, and each correction and baseline beside it."""
+    """Reproduce section 4 of the paper: figures 2 to 4, the data, and each correction and baseline beside it.
+
+    Takes about a minute.
+    """
     model = knowledge.knowledge("inertia")
+    prepare(output.out)
     scenario = paper_scenario(known=model, surface=surface, scheme=scheme, dt=dt, duration=duration)
     result = record(
         lambda on_tick: scenario.simulate(on_tick=on_tick), "paper", "simulating two_link", output
@@ -60,8 +64,11 @@ def paper(
 def _compare(dt: float, duration: float, *, quiet: bool) -> dict[str, SimulationResult]:
     """Run every law of `paper_comparison`; one that diverges is compared by what it did until then."""
     results: dict[str, SimulationResult] = {}
-    for name, scenario in paper_comparison(dt=dt, duration=duration).items():
-        with progress(name, quiet=quiet) as on_tick:
+    scenarios = paper_comparison(dt=dt, duration=duration)
+    if not quiet:
+        say(f"{len(scenarios)} more runs: each correction, and the baselines")
+    for i, (name, scenario) in enumerate(scenarios.items(), 1):
+        with progress(f"{i} of {len(scenarios)}, {name}", quiet=quiet) as on_tick:
             try:
                 results[name] = scenario.simulate(on_tick=on_tick)
             except DivergenceError as error:

@@ -106,13 +106,13 @@ def run(
     Exit code 1: the arm is lost, leaves its limits or needs more torque than it has.
     """
     task = Task(reading.load(robot), motion, target, unknown)
-    say_grave_notes(task.arm)
     task.check()
     environment = acting.environment()
     acting.check(task.motion)
     prepare(output.out / "result.npz", output.html)
     with naming_joints(task.arm):
         given = law.controller(task)
+    say_grave_notes(task.arm)
     controller, words = given or _tuned(task, output)
     payload = unknown.plant(task.arm).payload
     title = f"{task.arm.name}, payload {payload:g} kg, {words}, dt = {controller.dt:g} s"

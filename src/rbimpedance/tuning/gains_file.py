@@ -20,9 +20,10 @@ from ..law.limits import Limits
 from ..law.super_twisting import SuperTwisting
 from ..law.surfaces import FastTerminalSurface, PowerSurface, Surface
 from ..robot.arm_model import ArmModel
-from .plant_sample import with_body
+from .plant_sample import PlantSample, with_body
 from .proposal import GainProposal
 from .torque_demand import TorqueDemand
+from .uncertainty import Uncertainty
 
 _FORMAT = 2
 _SURFACES = {surface.__name__: surface for surface in (FastTerminalSurface, PowerSurface)}
@@ -46,6 +47,8 @@ class Gains:
         payload_gyration: Its radius of gyration [m].
         armature: Of the controller's model, shape (nv,) [kg·m² or kg].
         limits: Of the actuators that the gains were made for; None for none.
+        uncertainty: What they were made for.
+        digest: Of the arm that they were made for; None in files that do not say it.
     """
 
     robot: str
@@ -61,6 +64,23 @@ class Gains:
     payload_gyration: float
     armature: Array
     limits: Limits | None
+    uncertainty: Uncertainty
+    digest: str | None = None
+
+    def outside(self, arm: ArmModel, sample: PlantSample) -> tuple[str, ...]:
+        """Return in words what of a task lies outside that for which the gains were made.
+
+        Args:
+            arm: The arm as it is modelled.
+            sample: The arm that is to be controlled.
+        """
+        said = self.uncertainty.outside(sample)
+        if arm.name != self.robot:
+            said += (f"robot '{arm.name}' instead of '{self.robot}'",)
+        elif self.digest not in {None, arm.digest}:
+            words = "its masses, friction, armature, gravity or limits differ"
+            said += (f"another description of '{arm.name}': {words}",)
+        return said
 
     def controller(
         self, arm: ArmModel, impedance: Impedance, *, limits: Limits | ArrayLike | None = None
@@ -98,6 +118,7 @@ def proposal_data(proposal: GainProposal) -> dict[str, Any]:
     data = {
         "format": _FORMAT,
         "robot": proposal.nominal.name,
+        "digest": proposal.nominal.digest,
         "joint_names": proposal.nominal.joint_names,
         "feasible": proposal.feasible,
         "reason": proposal.reason,
@@ -183,6 +204,8 @@ def _gains(data: Mapping[str, Any]) -> Gains:
         payload_gyration=float(model["payload_gyration"]),
         armature=np.array(model["armature"], dtype=np.float64),
         limits=_limits(data["limits"]),
+        uncertainty=Uncertainty(**data["uncertainty"]),
+        digest=data.get("digest"),
     )
 
 

@@ -68,3 +68,10 @@ def box(name: str, value: ArrayLike) -> Array:
     if (box[0] > box[1]).any():
         raise ParameterError(name, value, "two corners, the lower one first in every coordinate")
     return read_only(box)
+
+
+def is_within(value: ArrayLike, low: ArrayLike, high: ArrayLike) -> bool:
+    """Whether every entry is between two bounds, but for rounding."""
+    value, low, high = (np.asarray(x, dtype=np.float64) for x in (value, low, high))
+    slack = 1e-9 * (1.0 + np.abs(value))
+    return bool(((value >= low - slack) & (value <= high + slack)).all())

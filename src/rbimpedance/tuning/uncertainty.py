@@ -13,7 +13,15 @@ from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..robot.arm_model import ArmModel
 from .plant_sample import PlantSample, tilted, with_body
-from .ranges import box, constant_range, is_not_negative, is_positive, range_of, scalar_range
+from .ranges import (
+    box,
+    constant_range,
+    is_not_negative,
+    is_positive,
+    is_within,
+    range_of,
+    scalar_range,
+)
 
 CORNERS = 16
 """At most this many extremes are among the first samples."""
@@ -139,6 +147,33 @@ class Uncertainty:
         uncertain = sum((low != high).any() for low, high in self._ranges(arm).values())
         return self.sample(arm, min(2**uncertain, CORNERS))
 
+    def outside(self, sample: PlantSample) -> tuple[str, ...]:
+        """Return in words what of an arm lies outside these ranges, so that gains that were made for them need not do.
+
+        Args:
+            sample: The arm; friction beyond the model's, as `sample` of another uncertainty draws it.
+        """
+        own: dict[str, tuple[str, Any, ArrayLike]] = {
+            "payload": ("kg", self.payload, sample.payload),
+            "payload centre of mass": ("m", self.payload_com, sample.com),
+            "payload gyration": ("m", self.payload_gyration, sample.gyration),
+            "inertia scale": ("", self.inertia_scale, sample.inertia_scale),
+            "viscous friction": ("N·m·s/rad", self.viscous, sample.viscous),
+            "dry friction": ("N·m", self.coulomb, sample.coulomb),
+            "torque constant": ("", self.torque_constant, sample.torque_constant),
+            "position noise": ("rad", (0.0, self.position_noise), sample.position_noise),
+            "velocity noise": ("rad/s", (0.0, self.velocity_noise), sample.velocity_noise),
+            "delay": ("ticks", (0, self.delay), sample.delay),
+        }
+        if sample.payload == 0.0:  # nothing whose place or size counts
+            del own["payload centre of mass"], own["payload gyration"]
+        return tuple(
+            f"{name} {_words(value)} {unit}".rstrip()
+            + f" instead of {_words(low)} to {_words(high)}"
+            for name, (unit, (low, high), value) in own.items()
+            if not is_within(value, low, high)
+        )
+
     def but(self, **changes: Any) -> Uncertainty:
         """Return a copy with other ranges, by the names of the attributes."""
         return Uncertainty(**({name: getattr(self, name) for name in vars(self)} | changes))
@@ -188,6 +223,13 @@ class Uncertainty:
             delay=self.delay,
             seed=seed,
         )
+
+
+def _words(value: ArrayLike) -> str:
+    """One number where all are equal, else each."""
+    numbers = np.ravel(value)
+    few = numbers[:1] if (numbers == numbers[0]).all() else numbers
+    return ",".join(f"{x:g}" for x in few)
 
 
 def _bit(i: int, k: int) -> float:
