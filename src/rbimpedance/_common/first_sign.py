@@ -1,4 +1,4 @@
-"""A line on stderr where the command line is slow to load, as at its first start; importing this module begins to wait."""
+"""A line on stderr where the command line is slow to load; importing this module begins to wait."""
 
 from __future__ import annotations
 

@@ -103,7 +103,8 @@ def run(
 
     The simulated arm has what is unknown, at the last number of each range.
 
-    Exit code 1: the arm is lost, leaves its limits or needs more torque than it has.
+    Exit code 1: the arm is lost or far from its motion, leaves its limits, needs more torque than it has for more than
+    a moment, or its torque chatters.
     """
     task = Task(reading.load(robot), motion, target, unknown)
     task.check()

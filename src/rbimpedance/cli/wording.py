@@ -62,6 +62,10 @@ _RULES: Sequence[_Rule] = (
     (r"armature=\[([^\]]*)\]", lambda found: "--armature " + found[1].replace(" ", "")),
     (r"a start on the motion, q0 = trajectory\(0\.0\)\.q", "a start on the motion, without --start"),
     (r" \(surface=None\)", ""),
+    (
+        r"a motion ([\d.]+) times slower, over ([\d.]+) s",
+        r"a slower motion: --period \1 times as long, with --duration \2",
+    ),
     (r"There was no time for more; remedy_time= gives some\.", "There was no time for more."),
     (r"the result so far is in the error's \.result\. ", ""),
     (r"\b(?P<name>duration|accuracy|dt) = (?P<value>[\d.e+-]+)(?: s\b| rad\b)?(?= instead|$|:|,)",
