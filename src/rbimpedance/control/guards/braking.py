@@ -10,9 +10,7 @@ from ..._common.arrays import Array
 from ...law.limits import Limits
 from ...robot.arm_model import ArmModel
 from .belief import Belief
-
-RELAXATION = 0.1
-"""Time constant in which a torque without effect is taken back [s]."""
+from .effect_monitor import EffectState
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,17 +63,20 @@ class Braking:
         inertia = np.diag(dynamics.mass_matrix(q))
         return dynamics.bias(q, np.zeros_like(v)) - self.rate * inertia * v - known.r
 
-    def relax(self, known: Belief, before: Array, tau_ext: Array, carried: Array) -> Array:
-        """Return the torque on its way back to a net torque.
+    def relax(self, known: Belief, before: Array, tau_ext: Array, effect: EffectState) -> Array:
+        """Return the torque on its way to bias(q, v) - tau_ext + carried - λ·impulse.
+
+        The last term brakes an arm that has moved after all, unseen by a frozen sensor: its momentum is the impulse.
 
         Args:
             known: The arm.
             before: Torque of the tick before, shape (nv,) [N·m or N].
             tau_ext: Measured torque of the environment, shape (nv,).
-            carried: The net torque, tau + tau_ext - bias, shape (nv,).
+            effect: What the torque was without effect.
         """
-        target = self.arm.raw_dynamics.bias(known.q, known.v) - tau_ext + carried
-        tau: Array = before - np.expm1(-self.dt / RELAXATION) * (target - before)
+        net = effect.carried - self.rate * effect.impulse
+        target = self.arm.raw_dynamics.bias(known.q, known.v) - tau_ext + net
+        tau: Array = before - np.expm1(-4.0 * self.rate * self.dt) * (target - before)
         return tau
 
     def decay(self, before: Array, period: float) -> Array:

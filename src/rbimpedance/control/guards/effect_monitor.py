@@ -20,6 +20,10 @@ MISSED = 5.0
 """Way that the joint should have gone by that torque, in ways within which it counts as at rest."""
 
 
+MEMORY = 0.3
+"""Time constant in which the impulse of a torque without effect is forgotten [s]."""
+
+
 class EffectState(NamedTuple):
     """What the monitor remembers of every joint since it came to rest.
 
@@ -28,14 +32,24 @@ class EffectState(NamedTuple):
         carried: The least net torque that it has had there, shape (nv,) [N·m or N].
         speed: Speed that it should have by the torque beyond that, shape (nv,) [rad/s or m/s].
         way: How far it should have gone, shape (nv,) [rad or m].
-        stuck: Whether the torque had no effect there, shape (nv,), bool.
+        impulse: Net torque beyond `carried`, summed over time, older shares forgotten in `MEMORY`, shape (nv,) [N·m·s or
+            N·s].
+        same: For how long the position has been bitwise constant, shape (nv,) [s].
+        stuck: Whether it has stayed there since a torque had no effect on some joint, shape (nv,), bool.
     """
 
     strayed: Array
     carried: Array
     speed: Array
     way: Array
+    impulse: Array
+    same: Array
     stuck: BoolArray
+
+    @property
+    def constant(self) -> float:
+        """For how long a position has been bitwise constant where torque has no effect; 0 where none is [s]."""
+        return float((self.same * self.stuck).max())
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -66,7 +80,7 @@ class EffectMonitor:
     def init(self) -> EffectState:
         """Return the state before the first tick."""
         zero = np.zeros_like(self.effort)
-        return EffectState(zero, zero, zero, zero, zero != 0.0)
+        return EffectState(*[zero] * 6, zero != 0.0)
 
     def look(
         self, state: EffectState, moved: Array, net: Array, inertia: Array, period: float
@@ -82,19 +96,22 @@ class EffectMonitor:
         """
         strayed = state.strayed + moved
         has_moved = np.abs(strayed) > self.travel
-        is_less = has_moved | (np.abs(net) < np.abs(state.carried))
+        is_less = has_moved | (np.abs(net) < np.abs(state.carried)) & ~state.stuck
         carried = np.where(is_less, net, state.carried)
         friction = np.where(np.isfinite(self.effort), STICTION * self.effort, 0.0)
         excess = np.abs(net - carried) - np.maximum(friction, SLOWEST * inertia)
         is_pushed = excess > 0.0
         speed = np.where(is_pushed, state.speed + period * excess / inertia, 0.0)
         way = np.where(is_pushed, state.way + period * speed, 0.0)
+        impulse = state.impulse + period * (net - carried - state.impulse / MEMORY)
         is_stuck = way > MISSED * self.travel
         following = EffectState(
             strayed=np.where(has_moved, 0.0, strayed),
             carried=carried,
             speed=np.where(is_stuck, 0.0, speed),
             way=np.where(is_stuck, 0.0, way),
-            stuck=(state.stuck & ~has_moved) | is_stuck,
+            impulse=np.where(has_moved, 0.0, impulse),
+            same=np.where(moved == 0.0, state.same + period, 0.0),
+            stuck=(state.stuck | is_stuck.any()) & ~has_moved,
         )
         return is_stuck, following

@@ -20,8 +20,8 @@ from ..protocol import LONGEST_PERIOD, Measured, WrappableController
 from ..telemetry import ControllerOutput, Situation
 from ..wrapper import ControllerWrapper
 from .belief import Belief, Believer
-from .braking import RELAXATION, Braking
-from .effect_monitor import EffectMonitor, EffectState
+from .braking import Braking
+from .effect_monitor import MEMORY, EffectMonitor, EffectState
 from .fault_telemetry import FaultEvent as FaultEvent  # noqa: PLC0414 (part of this module's interface)
 from .fault_telemetry import FaultGuardState as FaultGuardState  # noqa: PLC0414 (likewise)
 from .fault_telemetry import GuardedOutput as GuardedOutput  # noqa: PLC0414 (likewise)
@@ -276,7 +276,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         if state.response == "run" or state.fault is None:
             return False
         if state.fault.kind == "no effect":
-            return state.since < 3.0 * RELAXATION
+            return state.since < max(MEMORY, 0.5 * state.effect.constant)
         is_fast = (np.abs(known.v) > 0.5 * self.range.velocity).any()
         return state.fault.kind == "out of range" and bool(is_fast)
 
@@ -366,7 +366,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         elif response == "hold":
             tau = braking.hold(now.safe, known, since / self.longest_hold)
         else:
-            back = braking.relax(known, state.tau, now.tau_ext, now.effect.carried)
+            back = braking.relax(known, state.tau, now.tau_ext, now.effect)
             tau = np.where(now.effect.stuck, back, braking.stop(known, state.tau))
         tau = self._within(state, now, tau)
         at_limit = np.abs(tau) >= self.limits.effort
@@ -374,7 +374,8 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         output = without_controller(self.arm, now, tau)
         output = output._replace(saturated=at_limit, rate_limited=is_changing & ~at_limit)
         following = now._replace(tau=tau, response=response, since=since, period=None)
-        return GuardedOutput.of(output, response, now.fault, is_lost), following
+        is_unseen = now.effect.constant >= self.frozen_ticks * self.dt
+        return GuardedOutput.of(output, response, now.fault, is_lost or is_unseen), following
 
     def _response(self, state: FaultGuardState, now: FaultGuardState, since: float) -> Response:
         is_seen = now.fault is not None and _is_seen(now.fault)
