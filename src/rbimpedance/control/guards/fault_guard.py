@@ -245,7 +245,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
             known=known,
             tau_ext=told,
             reference=desired,
-            fault=fault or state.fault,
+            fault=state.fault if _is_idle(state.fault) else fault or state.fault,
             sound=0 if fault or self._is_settling(state, known) else state.sound + 1,
             since=state.since + period,
             period=None if state.period is None else period,
@@ -275,7 +275,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         """Whether the arm was out of range and is not yet slow, or a torque without effect is not yet back."""
         if state.response == "run" or state.fault is None:
             return False
-        if state.fault.kind == "no effect":
+        if _is_idle(state.fault):
             return state.since < max(MEMORY, 0.5 * state.effect.constant)
         is_fast = (np.abs(known.v) > 0.5 * self.range.velocity).any()
         return state.fault.kind == "out of range" and bool(is_fast)
@@ -336,7 +336,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         start, is_late = self._start, self._is_late(now)
         was_away = state.response != "run" or is_late
         if was_away or (state.monitor.ticks > 0 and start.has_jumped(state.inner, now.reference)):
-            is_stale = is_late or (state.fault is not None and state.fault.kind == "no effect")
+            is_stale = is_late or _is_idle(state.fault)
             before = start.init() if is_stale else state.inner
             return start.handover(before, self._situation(state, now))
         return state.inner if now.period is None else start.elapsed(state.inner, now.period)
@@ -416,4 +416,9 @@ def _limits(arm: ArmModel, limits: Limits | ArrayLike | None) -> Limits:
 def _is_seen(fault: Fault) -> bool:
     """Whether the motion is measured well and the arm is to come to rest at once."""
     is_outside = fault.kind == "out of range" and fault.name in ("q", "v")
-    return is_outside or fault.kind == "no effect"
+    return is_outside or _is_idle(fault)
+
+
+def _is_idle(fault: Fault | None) -> bool:
+    """Whether the torque has no effect: whatever comes on top, the arm first has to move again."""
+    return fault is not None and fault.kind == "no effect"
