@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -36,7 +37,7 @@ def vector(name: str, value: ArrayLike, size: int | None, symbol: str = "nv") ->
     array = real(name, value, expected)
     if array.ndim != 1 or size not in (None, len(array)):
         raise DimensionError(name, expected, f"shape {array.shape}")
-    if not np.isfinite(array).all():
+    if not (isfinite(array.dot(array)) or np.isfinite(array).all()):  # the square may overflow
         raise NonFiniteError(name, np.flatnonzero(~np.isfinite(array)).tolist())
     return array
 
@@ -218,7 +219,7 @@ def is_finite(value: object) -> bool:
         value: An array, a number, or a tuple of such ones; everything that is no number counts as finite.
     """
     if isinstance(value, tuple):
-        return all(is_finite(item) for item in value)
-    if isinstance(value, float) or (isinstance(value, np.ndarray) and value.dtype.kind == "f"):
-        return bool(np.isfinite(value).all())
-    return True
+        return all(map(is_finite, value))
+    if isinstance(value, np.ndarray):
+        return value.dtype.kind != "f" or bool(np.isfinite(value).all())
+    return not isinstance(value, float) or isfinite(value)

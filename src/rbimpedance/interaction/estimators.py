@@ -93,7 +93,8 @@ class MomentumObserver:
     ) -> tuple[Array, MomentumState]:
         """Return the estimate; see `Sensor.step`. tau_ext is not looked at."""
         del tau_ext
-        M, bias = self.arm.mass_matrix(q), self.arm.bias(q, v)
+        dynamics = self.arm.raw_dynamics
+        M, bias = dynamics.mass_matrix(q), dynamics.bias(q, v)
         r = state.r
         if state.v is not None:
             inertial = (M + state.M) @ (v - state.v) / (2.0 * self.dt)

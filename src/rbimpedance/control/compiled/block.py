@@ -142,14 +142,31 @@ class PackedOutput(Packed):
     guaranteed = renamed_attribute("guaranteed", "premise_holds")
     held = renamed_attribute("held", "reference_limited")
 
+    def __iter__(self) -> Iterator[Any]:
+        """All fields at once, which is faster than one by one."""
+        columns = self.rows.T.copy()
+        flags = columns[FLAGS].astype(np.int64) & _BITS != 0
+        return iter((columns[TAU], self.q_r, *columns[V_R : V_E + 1], *flags))
+
     @property
     def q_r(self) -> Array:
         """Impedance reference."""
-        pairs = self.rows[:, Q_R : Q_R_SIN + 1]
-        second = (_flags(self) & PAIR) != 0
-        q_r: Array = pairs[np.column_stack([np.ones_like(second), second])]
+        rows = self.rows
+        is_pair = rows[:, FLAGS] >= PAIR  # the highest bit
+        if not is_pair.any():
+            return rows[:, Q_R].copy()
+        pairs = rows[:, Q_R : Q_R_SIN + 1]
+        q_r: Array = pairs[np.column_stack([np.ones_like(is_pair), is_pair])]
         return q_r
 
+
+_BITS = np.array(
+    [
+        [{**BIT_OF, "premise_holds": GUARANTEED}.get(name, 0)]
+        for name in ControllerOutput._fields[10:]
+    ]
+)
+"""Bits of the fields of a `ControllerOutput` that are truth values, in its order."""
 
 for _name in FLAG_NAMES:
     setattr(PackedOutput, _name, _flag(BIT_OF.get(_name, 0)))

@@ -101,7 +101,7 @@ class Believer:
         if period != self.dt:
             observer = MomentumObserver(self.arm, self.rate, period)
         _, following = observer.step(before.observer, belief.q, belief.v, tau, np.zeros_like(tau))
-        if not is_finite(following):
+        if not is_finite(following.r) or not is_finite(following.M):
             following = before.observer._replace(v=None)
         return belief._replace(observer=following)
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..._common.arrays import Array, BoolArray
 from ..._common.frozen import set_fields
+from .joint_checks import CARRIED, FOUND_STUCK, IMPULSE, SAME, STUCK, checks
 
 STICTION = 0.2
 """Torque that dry friction may hold on a joint at rest, in effort limits."""
@@ -28,28 +29,41 @@ class EffectState(NamedTuple):
     """What the monitor remembers of every joint since it came to rest.
 
     Attributes:
-        strayed: How far it is from where it came to rest, shape (nv,) [rad or m].
-        carried: The least net torque that it has had there, shape (nv,) [N·m or N].
-        speed: Speed that it should have by the torque beyond that, shape (nv,) [rad/s or m/s].
-        way: How far it should have gone, shape (nv,) [rad or m].
-        impulse: Net torque beyond `carried`, summed over time, older shares forgotten in `MEMORY`, shape (nv,) [N·m·s or
-            N·s].
-        same: For how long the position has been bitwise constant, shape (nv,) [s].
-        stuck: Whether it has stayed there since a torque had no effect on some joint, shape (nv,), bool.
+        joints: Row by row, shape (8, nv):
+            how far it is from where it came to rest [rad or m];
+            the least net torque that it has had there [N·m or N];
+            speed that it should have by the torque beyond that and friction [rad/s or m/s];
+            how far it should have gone [rad or m];
+            net torque beyond the least, summed over time, older shares forgotten in `MEMORY` [N·m·s or N·s];
+            for how long its position has been bitwise constant [s];
+            whether it has stayed there since torque had no effect on some joint, 0 or 1;
+            whether torque was found to have no effect on it at this tick, 0 or 1.
     """
 
-    strayed: Array
-    carried: Array
-    speed: Array
-    way: Array
-    impulse: Array
-    same: Array
-    stuck: BoolArray
+    joints: Array
+
+    @property
+    def carried(self) -> Array:
+        """The least net torque that the joint has had at rest, shape (nv,) [N·m or N]."""
+        carried: Array = self.joints[CARRIED]
+        return carried
+
+    @property
+    def impulse(self) -> Array:
+        """Net torque beyond that, summed over time, shape (nv,) [N·m·s or N·s]."""
+        impulse: Array = self.joints[IMPULSE]
+        return impulse
+
+    @property
+    def stuck(self) -> BoolArray:
+        """Whether the joint has stayed at rest since torque had no effect on some joint, shape (nv,), bool."""
+        stuck: BoolArray = self.joints[STUCK] != 0.0
+        return stuck
 
     @property
     def constant(self) -> float:
         """For how long a position has been bitwise constant where torque has no effect; 0 where none is [s]."""
-        return float((self.same * self.stuck).max())
+        return float((self.joints[SAME] * self.joints[STUCK]).max())
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -73,19 +87,20 @@ class EffectMonitor:
 
     travel: float
     effort: Array
+    _friction: Array
 
     def __init__(self, travel: float, effort: Array) -> None:
-        set_fields(self, travel=travel, effort=effort)
+        friction = np.where(np.isfinite(effort), STICTION * effort, 0.0)
+        set_fields(self, travel=travel, effort=effort, _friction=friction)
 
     def init(self) -> EffectState:
         """Return the state before the first tick."""
-        zero = np.zeros_like(self.effort)
-        return EffectState(*[zero] * 6, zero != 0.0)
+        return EffectState(np.zeros((8, len(self.effort))))
 
     def look(
         self, state: EffectState, moved: Array, net: Array, inertia: Array, period: float
-    ) -> tuple[BoolArray, EffectState]:
-        """Tell on which joints torque is found to have no effect at this tick, shape (nv,), bool.
+    ) -> tuple[BoolArray | None, EffectState]:
+        """Return on which joints torque is found to have no effect at this tick, shape (nv,), bool; None for none.
 
         Args:
             state: From `init` or from the tick before.
@@ -94,24 +109,8 @@ class EffectMonitor:
             inertia: Diagonal of M, shape (nv,).
             period: The time [s].
         """
-        strayed = state.strayed + moved
-        has_moved = np.abs(strayed) > self.travel
-        is_less = has_moved | (np.abs(net) < np.abs(state.carried)) & ~state.stuck
-        carried = np.where(is_less, net, state.carried)
-        friction = np.where(np.isfinite(self.effort), STICTION * self.effort, 0.0)
-        excess = np.abs(net - carried) - np.maximum(friction, SLOWEST * inertia)
-        is_pushed = excess > 0.0
-        speed = np.where(is_pushed, state.speed + period * excess / inertia, 0.0)
-        way = np.where(is_pushed, state.way + period * speed, 0.0)
-        impulse = state.impulse + period * (net - carried - state.impulse / MEMORY)
-        is_stuck = way > MISSED * self.travel
-        following = EffectState(
-            strayed=np.where(has_moved, 0.0, strayed),
-            carried=carried,
-            speed=np.where(is_stuck, 0.0, speed),
-            way=np.where(is_stuck, 0.0, way),
-            impulse=np.where(has_moved, 0.0, impulse),
-            same=np.where(moved == 0.0, state.same + period, 0.0),
-            stuck=(state.stuck | is_stuck.any()) & ~has_moved,
-        )
-        return is_stuck, following
+        look, made = checks()[2], np.empty_like(state.joints)
+        friction = np.maximum(self._friction, SLOWEST * inertia)
+        settings = period, self.travel, MISSED * self.travel, MEMORY
+        is_found = look(friction, state.joints, made, moved, net, inertia, *settings)
+        return (made[FOUND_STUCK] > 0.0 if is_found else None), EffectState(made)

@@ -262,10 +262,10 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
             state.effect,
             moved=self.arm.raw_dynamics.difference(state.known.q, known.q),
             net=state.tau + tau_ext - known.observer.bias,
-            inertia=np.diag(known.observer.M),
+            inertia=known.observer.M.diagonal().copy(),
             period=period,
         )
-        if state.response != "run" or not stuck.any():
+        if state.response != "run" or stuck is None:
             return None, effect
         joints = tuple(self.arm.joint_names[i] for i in np.flatnonzero(stuck))
         words = "the torque moves nothing (brakes, a drive that is off, something in the way)"
@@ -296,7 +296,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         except (InputError, ArithmeticError, np.linalg.LinAlgError) as error:
             words = f"the controller cannot compute a torque: {error}"
             return None, Fault("controller", "tau", (), words), now
-        if not (is_finite(output.tau) and is_finite(inner)):
+        if not (is_finite(output.tau) and is_finite(inner.inner)):
             words = "the controller's torque or state is not finite"
             return None, Fault("controller", "tau", (), words), now
         tau = self._within(state, now, output.tau)

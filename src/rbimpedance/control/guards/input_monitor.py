@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..._common.arrays import Array, BoolArray, real, vector
 from ..._common.frozen import set_fields
@@ -16,6 +17,24 @@ from ...trajectories import Reference
 from ..errors import check_reference
 from ..protocol import Measured
 from .faults import Fault, FaultKind, OperatingRange
+from .joint_checks import (
+    ALONE,
+    EXPECTED,
+    FAR,
+    FAST,
+    FOUND,
+    FROZEN,
+    JUMPED,
+    NO_Q,
+    NO_V,
+    OUTSIDE,
+    SEEN_V,
+    SINCE_Q,
+    SINCE_V,
+    STILL,
+    V,
+    checks,
+)
 
 
 class MonitorState(NamedTuple):
@@ -24,25 +43,21 @@ class MonitorState(NamedTuple):
     Attributes:
         ticks: Number of ticks so far.
         q: The last sound configuration, shape (nq,).
-        v: The last sound velocity, shape (nv,) [rad/s or m/s].
-        since_q: Time since the joint's last sound position, shape (nv,) [s].
-        since_v: Time since its last sound velocity, shape (nv,) [s].
-        explained: Motion since the last sound position by the measured velocity, shape (nv,) [rad or m].
-        still: For how many ticks the joint's position has been bitwise constant although it should have moved,
-            shape (nv,).
-        travel: How far the joint moved meanwhile by its own velocity, shape (nv,) [rad or m].
-        expected: How far the reference moved since position or velocity was another, shape (nv,) [rad or m].
+        joints: Row by row, shape (9, nv):
+            the last sound velocity [rad/s or m/s];
+            time since the last sound position [s];
+            time since the last sound velocity [s];
+            motion since the last sound position by the measured velocity [rad or m];
+            for how many ticks the position has been bitwise constant although it should have moved;
+            how far the joint moved meanwhile by its own velocity [rad or m];
+            how far the reference moved since position or velocity was another [rad or m];
+            velocity of this tick, that of the positions where it cannot be used [rad/s or m/s];
+            what is wrong at this tick, as bits.
     """
 
     ticks: int
     q: Array
-    v: Array
-    since_q: Array
-    since_v: Array
-    explained: Array
-    still: Array
-    travel: Array
-    expected: Array
+    joints: Array
 
 
 class Reading(NamedTuple):
@@ -99,6 +114,7 @@ class Monitor:
     frozen_ticks: int
     frozen_travel: float
     _neutral: Array
+    _bounds: Array
 
     def __init__(
         self, arm: ArmModel, range: OperatingRange, frozen_ticks: int, frozen_travel: float
@@ -110,12 +126,12 @@ class Monitor:
             frozen_ticks=frozen_ticks,
             frozen_travel=frozen_travel,
             _neutral=_neutral_positions(arm),
+            _bounds=np.stack([range.velocity, range.acceleration, range.lower, range.upper]),
         )
 
     def init(self) -> MonitorState:
         """Return the state before the first tick."""
-        zero = np.zeros(self.arm.nv)
-        return MonitorState(0, np.array(self.arm.neutral), *[zero] * 7)
+        return MonitorState(0, np.array(self.arm.neutral), np.zeros((9, self.arm.nv)))
 
     def read(
         self, state: MonitorState, given: Measured, v_e: Array, period: float
@@ -133,117 +149,55 @@ class Monitor:
         measured_v = self._checked(faults, "v", given.v)
         external = self._checked(faults, "tau_ext", given.tau_ext)
         desired = self._checked_reference(faults, given.reference)
-        state = state._replace(since_q=state.since_q + period, since_v=state.since_v + period)
-        moved, state, sees_q = self._judge_q(faults, state, measured_q, measured_v, period)
-        pace = np.where(sees_q & (state.ticks > 0), moved / state.since_q, state.v)
-        sees_v = self._judge_v(faults, state, measured_v, pace, sees_q)
-        seen_v = pace if measured_v is None else np.where(sees_v, measured_v, pace)
+        made, moved, position = self._judged(state, measured_q, measured_v, period)
+        bits = made[FOUND].astype(int)
+        sees_q, sees_v = bits & _UNSEEN_Q == 0, bits & _UNSEEN_V == 0
+        if not faults and bits.any():
+            change = made[SEEN_V] if measured_v is None else measured_v - state.joints[V]
+            values = made[STILL], made[SEEN_V], moved, position, measured_v, change
+            faults = self._named(bits, dict(zip(_VALUES, values, strict=True)))
         if measured_q is None or not sees_q.all():
             measured_q = self.arm.raw_dynamics.integrate(state.q, np.where(sees_q, moved, 0.0))
-        self._judge_range(faults, measured_q, seen_v, sees_q)
-        rate = v_e if desired is None else desired.v + v_e
-        following = MonitorState(
-            ticks=state.ticks + 1,
-            q=measured_q,
-            v=np.where(sees_v | sees_q, seen_v, state.v),
-            since_q=np.where(sees_q, 0.0, state.since_q),
-            since_v=np.where(sees_v, 0.0, state.since_v),
-            explained=np.where(sees_q, 0.0, state.explained),
-            still=state.still,
-            travel=state.travel,
-            expected=state.expected + rate * period,
-        )
+        made[EXPECTED] += period * (v_e if desired is None else desired.v + v_e)
         fault = faults[0] if faults else None
-        return Reading(measured_q, seen_v, sees_q, sees_v, external, desired, fault), following
+        reading = Reading(measured_q, made[SEEN_V], sees_q, sees_v, external, desired, fault)
+        return reading, MonitorState(state.ticks + 1, measured_q, made)
 
-    def _judge_q(
-        self,
-        faults: list[Fault],
-        state: MonitorState,
-        q: Array | None,
-        v: Array | None,
-        period: float,
-    ) -> tuple[Array, MonitorState, BoolArray]:
-        """Motion since the last sound positions, the state with it counted, and where q can be used."""
-        zero, speed = np.zeros(self.arm.nv), self.range.velocity
-        if q is None or state.ticks == 0:
-            moved = zero if q is None else self.arm.raw_dynamics.difference(state.q, q)
-            return moved, state, np.full(self.arm.nv, q is not None)
-        moved = self.arm.raw_dynamics.difference(state.q, q)
-        pace = state.v
-        if v is not None:
-            pace = np.clip((state.v + v) / 2.0, state.v - 2.0 * speed, state.v + 2.0 * speed)
-        is_still, repeats = moved == 0.0, (True if v is None else (v == state.v) & (v != 0.0))
-        travel = np.where(is_still, state.travel + period * pace, 0.0)
-        expected = np.where(is_still & repeats, state.expected, 0.0)
-        should_show = np.maximum(np.abs(travel), np.abs(expected)) > self.frozen_travel
-        state = state._replace(
-            explained=state.explained + period * pace,
-            still=np.where(should_show, state.still + 1.0, 0.0),
-            travel=travel,
-            expected=expected,
-        )
-        reach = 2.0 * speed * state.since_q
-        is_far = (np.abs(moved) > reach) & (np.abs(moved - state.explained) > reach)
-        self._add(faults, "jump", "q", is_far, moved, "q jumps by {:.3g}")
-        is_frozen = state.still >= self.frozen_ticks
-        words = "q is bitwise constant, for {:.0f} ticks after it should have moved"
-        self._add(faults, "frozen", "q", is_frozen, state.still, words)
-        return moved, state, ~(is_far | is_frozen)
-
-    def _judge_v(
-        self,
-        faults: list[Fault],
-        state: MonitorState,
-        v: Array | None,
-        pace: Array,
-        sees_q: BoolArray,
-    ) -> BoolArray:
-        """Where v can be used; pace is the velocity of the positions, or the last one where they cannot be used."""
-        bounds = self.range
+    def _judged(
+        self, state: MonitorState, q: Array | None, v: Array | None, period: float
+    ) -> tuple[Array, Array, Array]:
+        """The next state, the motion since the last sound positions, and the positions."""
+        judge_q, judge_v, _ = checks()
+        before, made, dynamics = state.joints, state.joints.copy(), self.arm.raw_dynamics
+        made[SINCE_Q : SINCE_V + 1] += period
+        made[FOUND] = NO_Q if q is None else 0.0
+        moved = position = np.zeros(self.arm.nv)
         if v is None:
-            return np.zeros(self.arm.nv, dtype=np.bool_)
-        is_fast = np.abs(v) > 2.0 * bounds.velocity
-        is_alone = is_fast & ((np.abs(v - pace) > bounds.velocity) | (state.ticks == 0))
-        words = "v = {:.4g} is not how q moves"
-        self._add(faults, "inconsistent", "v", is_alone, v, words)
-        change = v - state.v
-        has_jumped = np.abs(change) > 2.0 * bounds.acceleration * state.since_v
-        has_jumped &= state.ticks > 0
-        self._add(faults, "jump", "v", has_jumped, change, "v jumps by {:.3g}")
-        is_frozen = ~sees_q & (change == 0.0)
-        sees_v: BoolArray = ~(is_alone | has_jumped | is_frozen)
-        return sees_v
+            v = np.full(self.arm.nv, np.nan)
+        if q is not None:
+            moved = dynamics.difference(state.q, q)
+            position = dynamics.difference(self.arm.neutral, q) + self._neutral
+            if state.ticks > 0:
+                frozen = float(self.frozen_ticks), self.frozen_travel
+                judge_q(self._bounds, before, made, moved, v, period, *frozen)
+        judge_v(self._bounds, before, made, moved, position, v, int(state.ticks == 0))
+        return made, moved, position
 
-    def _judge_range(self, faults: list[Fault], q: Array, v: Array, sees_q: BoolArray) -> None:
-        bounds = self.range
-        self._outside(faults, "v", v, -bounds.velocity, bounds.velocity)
-        position = self.arm.raw_dynamics.difference(self.arm.neutral, q) + self._neutral
-        lower, upper = np.where(sees_q, (bounds.lower, bounds.upper), [[-np.inf], [np.inf]])
-        self._outside(faults, "q", position, lower, upper)
+    def _named(self, bits: NDArray[np.int64], values: Mapping[str, Array | None]) -> list[Fault]:
+        """The faults of the joints, in the order of `_FAULTS`."""
+        faults = []
+        for bit, kind, name, quantity, words in _FAULTS:
+            where, value = bits & bit != 0, values[quantity]
+            if value is not None and where.any():
+                faults.append(self._fault(kind, name, where, value, words))
+        return faults
 
-    def _outside(
-        self, faults: list[Fault], name: str, value: Array, lower: Array, upper: Array
-    ) -> bool:
-        beyond = (value < lower) | (value > upper)
-        words = f"{name} = {{:.4g}} is outside the stated range"
-        self._add(faults, "out of range", name, beyond, value, words)
-        return bool(beyond.any())
-
-    def _add(
-        self,
-        faults: list[Fault],
-        kind: FaultKind,
-        name: str,
-        where: BoolArray,
-        value: Array,
-        words: str,
-    ) -> None:
-        """Add a fault where there is one; its words name the largest value."""
-        if where.any():
-            joints = tuple(self.arm.joint_names[i] for i in np.flatnonzero(where))
-            said = words.format(_largest(value, where))
-            faults.append(Fault(kind, name, joints, f"{said}: {', '.join(joints)}"))
+    def _fault(
+        self, kind: FaultKind, name: str, where: BoolArray, value: Array, words: str
+    ) -> Fault:
+        joints = tuple(self.arm.joint_names[i] for i in np.flatnonzero(where))
+        said = words.format(_largest(value, where))
+        return Fault(kind, name, joints, f"{said}: {', '.join(joints)}")
 
     def _checked(self, faults: list[Fault], name: str, value: ArrayLike) -> Array | None:
         """The input as a sound vector; None, and a fault, where it is none."""
@@ -255,8 +209,11 @@ class Monitor:
             faults.append(_input_fault(error, name))
             return None
         if name == "tau_ext":
-            bound = self.range.external
-            return None if self._outside(faults, name, array, -bound, bound) else array
+            beyond = np.abs(array) > self.range.external
+            if beyond.any():
+                words = "tau_ext = {:.4g} is outside the stated range"
+                faults.append(self._fault("out of range", name, beyond, array, words))
+                return None
         return array
 
     def _checked_reference(self, faults: list[Fault], reference: Reference) -> Reference | None:
@@ -265,6 +222,25 @@ class Monitor:
         except InputError as error:
             faults.append(_input_fault(error, "reference"))
             return None
+
+
+_UNSEEN_Q, _UNSEEN_V = NO_Q | FAR | FROZEN, NO_V | ALONE | JUMPED
+_VALUES = ("still", "seen", "moved", "position", "v", "change")
+_FAULTS: tuple[tuple[int, FaultKind, str, str, str], ...] = (
+    (FAR, "jump", "q", "moved", "q jumps by {:.3g}"),
+    (
+        FROZEN,
+        "frozen",
+        "q",
+        "still",
+        "q is bitwise constant, for {:.0f} ticks after it should have moved",
+    ),
+    (ALONE, "inconsistent", "v", "v", "v = {:.4g} is not how q moves"),
+    (JUMPED, "jump", "v", "change", "v jumps by {:.3g}"),
+    (FAST, "out of range", "v", "seen", "v = {:.4g} is outside the stated range"),
+    (OUTSIDE, "out of range", "q", "position", "q = {:.4g} is outside the stated range"),
+)
+"""Bit, kind, quantity, which value is shown, and words, the most urgent one first."""
 
 
 def _neutral_positions(arm: ArmModel) -> Array:
