@@ -145,18 +145,16 @@ class PackedOutput(Packed):
     def __iter__(self) -> Iterator[Any]:
         """All fields at once, which is faster than one by one."""
         columns = self.rows.T.copy()
-        flags = columns[FLAGS].astype(np.int64) & _BITS != 0
-        return iter((columns[TAU], self.q_r, *columns[V_R : V_E + 1], *flags))
+        flags = columns[FLAGS].astype(np.int64)
+        q_r = self.q_r if flags.max() >= PAIR else columns[Q_R]
+        return iter((columns[TAU], q_r, *columns[V_R : V_E + 1], *(flags & _BITS != 0)))
 
     @property
     def q_r(self) -> Array:
         """Impedance reference."""
-        rows = self.rows
-        is_pair = rows[:, FLAGS] >= PAIR  # the highest bit
-        if not is_pair.any():
-            return rows[:, Q_R].copy()
-        pairs = rows[:, Q_R : Q_R_SIN + 1]
-        q_r: Array = pairs[np.column_stack([np.ones_like(is_pair), is_pair])]
+        pairs = self.rows[:, Q_R : Q_R_SIN + 1]
+        second = (_flags(self) & PAIR) != 0
+        q_r: Array = pairs[np.column_stack([np.ones_like(second), second])]
         return q_r
 
 

@@ -78,7 +78,7 @@ class Believer:
         """
         sees_q, sees_v = reading.sees_q, reading.sees_v
         if (sees_q | sees_v).all():
-            q = self._integrated(belief, reading, np.zeros_like(tau), period)
+            q = self._integrated(belief, reading, reading.v, period)
             return self._observed(belief, Belief(q, reading.v, belief.observer, 0.0), tau, period)
         q_p, v_p = self._predicted(belief, tau, min(period, LONGEST_PERIOD * self.dt))
         way = self.arm.raw_dynamics.difference(belief.q, q_p)
@@ -100,8 +100,8 @@ class Believer:
         observer = self._observer
         if period != self.dt:
             observer = MomentumObserver(self.arm, self.rate, period)
-        _, following = observer.step(before.observer, belief.q, belief.v, tau, np.zeros_like(tau))
-        if not is_finite(following.r) or not is_finite(following.M):
+        _, following = observer.step(before.observer, belief.q, belief.v, tau, tau_ext=tau)
+        if not is_finite(following.r + following.bias):
             following = before.observer._replace(v=None)
         return belief._replace(observer=following)
 

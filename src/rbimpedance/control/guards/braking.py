@@ -39,9 +39,12 @@ class Braking:
             before: Torque of the tick before, shape (nv,).
             is_free: The rate limit does not apply: what the motors gave before is not known.
         """
+        limits, change = self.limits, np.abs(tau - before)
+        if (np.abs(tau) <= limits.effort).all() and (change <= limits.rate * self.dt).all():
+            return tau
         if not np.isfinite(tau).all():
             tau = self.decay(before, self.dt)
-        return self.limits.nearest(tau, None if is_free else before, self.dt)
+        return limits.nearest(tau, None if is_free else before, self.dt)
 
     def hold(self, safe: Array, known: Belief, share: float) -> Array:
         """Return tau_safe - share·λ·M v."""

@@ -296,24 +296,25 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         except (InputError, ArithmeticError, np.linalg.LinAlgError) as error:
             words = f"the controller cannot compute a torque: {error}"
             return None, Fault("controller", "tau", (), words), now
-        if not (is_finite(output.tau) and is_finite(inner.inner)):
+        told = GuardedOutput.of(output)
+        if not (is_finite(told.tau) and is_finite(inner.inner)):
             words = "the controller's torque or state is not finite"
             return None, Fault("controller", "tau", (), words), now
-        tau = self._within(state, now, output.tau)
-        if not np.array_equal(tau, output.tau):
-            output = output._replace(tau=tau)
+        tau = self._within(state, now, told.tau)
+        if tau is not told.tau:
+            told = told._replace(tau=tau)
         following = now._replace(
             inner=inner,
-            tau=tau,
-            safe=tau,
-            q_e=output.q_e,
-            v_e=output.v_e,
+            tau=(own := tau.copy()),
+            safe=own,
+            q_e=told.q_e.copy(),
+            v_e=told.v_e.copy(),
             response="run",
             fault=None,
             since=0.0,
             period=None,
         )
-        return GuardedOutput.of(output), None, following
+        return told, None, following
 
     def _late(
         self, state: FaultGuardState, now: FaultGuardState

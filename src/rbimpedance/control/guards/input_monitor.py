@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..._common.arrays import Array, BoolArray, real, vector
+from ..._common.arrays import Array, BoolArray, is_finite, real, vector
 from ..._common.frozen import set_fields
 from ...exceptions import DimensionError, InputError, NonFiniteError
 from ...robot.arm_model import ArmModel
@@ -82,6 +82,10 @@ class Reading(NamedTuple):
     fault: Fault | None
 
 
+_Inputs: TypeAlias = tuple[Array | None, Array | None, Array | None, Reference | None]
+"""q, v, tau_ext and the reference."""
+
+
 @dataclass(frozen=True, eq=False, init=False)
 class Monitor:
     """Checks the inputs of every tick.
@@ -145,12 +149,9 @@ class Monitor:
             period: Time since the tick before [s].
         """
         faults: list[Fault] = []
-        measured_q = self._checked(faults, "q", given.q)
-        measured_v = self._checked(faults, "v", given.v)
-        external = self._checked(faults, "tau_ext", given.tau_ext)
-        desired = self._checked_reference(faults, given.reference)
+        measured_q, measured_v, external, desired = self._plain(given) or self._each(faults, given)
         made, moved, position = self._judged(state, measured_q, measured_v, period)
-        bits = made[FOUND].astype(int)
+        bits = made[FOUND].astype(np.int64)
         sees_q, sees_v = bits & _UNSEEN_Q == 0, bits & _UNSEEN_V == 0
         if not faults and bits.any():
             change = made[SEEN_V] if measured_v is None else measured_v - state.joints[V]
@@ -176,7 +177,9 @@ class Monitor:
             v = np.full(self.arm.nv, np.nan)
         if q is not None:
             moved = dynamics.difference(state.q, q)
-            position = dynamics.difference(self.arm.neutral, q) + self._neutral
+            position = q
+            if self.arm.nq != self.arm.nv:
+                position = dynamics.difference(self.arm.neutral, q) + self._neutral
             if state.ticks > 0:
                 frozen = float(self.frozen_ticks), self.frozen_travel
                 judge_q(self._bounds, before, made, moved, v, period, *frozen)
@@ -198,6 +201,29 @@ class Monitor:
         joints = tuple(self.arm.joint_names[i] for i in np.flatnonzero(where))
         said = words.format(_largest(value, where))
         return Fault(kind, name, joints, f"{said}: {', '.join(joints)}")
+
+    def _plain(self, measured: Measured) -> _Inputs | None:
+        """All inputs, copied, where they are sound vectors of float64, as almost always; checked at once."""
+        if type(measured.reference) is not Reference or self.arm.nq != self.arm.nv:
+            return None
+        given = (measured.q, measured.v, measured.tau_ext, *measured.reference)
+        if not all(type(x) is np.ndarray and x.dtype == np.float64 for x in given):
+            return None
+        if any(np.shape(x) != (self.arm.nv,) for x in given):
+            return None
+        rows = np.array(given)
+        if not is_finite(rows) or (np.abs(rows[2]) > self.range.external).any():
+            return None
+        return rows[0], rows[1], rows[2], Reference(*rows[3:])
+
+    def _each(self, faults: list[Fault], measured: Measured) -> _Inputs:
+        """The inputs one by one; None, and a fault, where one is not sound."""
+        return (
+            self._checked(faults, "q", measured.q),
+            self._checked(faults, "v", measured.v),
+            self._checked(faults, "tau_ext", measured.tau_ext),
+            self._checked_reference(faults, measured.reference),
+        )
 
     def _checked(self, faults: list[Fault], name: str, value: ArrayLike) -> Array | None:
         """The input as a sound vector; None, and a fault, where it is none."""

@@ -219,7 +219,7 @@ class SoftStart(ControllerWrapper[SoftStartState, ControllerOutput]):
             inner=inner,
             ticks=state.ticks + 1,
             q=np.array(q),
-            tau=output.tau,
+            tau=np.array(output.tau),
             reference=Reference(*map(np.array, reference)),
             late=0.0,
             clock=state.clock if is_over else state.clock + self.dt,
