@@ -101,6 +101,23 @@ def test_velocity_is_the_difference_of_counts_and_zero_at_first() -> None:
     np.testing.assert_allclose(v[1:].mean(), 0.37, rtol=0.01)
 
 
+@pytest.mark.parametrize("bandwidth", [None, 40.0])
+def test_late_tick_gives_the_velocity_over_the_measured_period(bandwidth: float | None) -> None:
+    """At a constant speed the velocity is that speed, whatever the periods; a low-pass forgets as they are long."""
+    arm = manipulator()
+    inner: Any = Told(arm)
+    encoders = QuantizedEncoders(inner, resolution=1e-9, bandwidth=bandwidth)
+    state, angle, zero = encoders.init(), 0.0, np.zeros(arm.nv)
+    inner.elapsed = lambda state, period: state
+    reference: Any = None
+    for period in (DT, 7.0 * DT, DT, 3.0 * DT):
+        angle += 0.37 * period
+        q = arm.integrate(arm.neutral, np.full(arm.nv, angle))
+        _, state = encoders.step(state, q, zero, reference, zero, period)
+    passed = 0.0 if bandwidth is None else np.exp(-2.0 * np.pi * bandwidth * 11.0 * DT)
+    np.testing.assert_allclose(inner.v[-1], 0.37 * (1.0 - passed), rtol=1e-5)
+
+
 def test_measured_velocity_passes() -> None:
     _, v = told(spinner(), np.linspace(0.0, 1.0, 20), velocity="measured")
     np.testing.assert_array_equal(v, 7.0)

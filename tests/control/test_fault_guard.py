@@ -344,6 +344,38 @@ def test_controller_comes_back_without_a_jump_and_returns_to_the_motion() -> Non
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("push", [0.0, (3.0, -1.0)])
+@pytest.mark.parametrize("name", ["q", "v", "tau_ext"])
+def test_short_loss_costs_less_than_a_milliradian(name: str, push: Any) -> None:
+    """20 ticks in motion, with the impedance deflected by a push; 14 mrad and more by a soft start."""
+    arm = rbi.load_robot("two_link")
+    guard = FaultGuard(law(arm), "hold")
+    sound, q, *_ = run(guard, ticks=500, push=push)
+    outputs, disturbed, *_ = run(guard, between(300, 320, lost(name)), ticks=500, push=push)
+    assert np.abs(disturbed - q).max() < 1e-3
+    assert [x.response for x in outputs].count("run") == 500 - 24
+    assert_within_limits(torques(outputs))
+
+
+@pytest.mark.slow
+def test_short_loss_in_which_the_arm_is_pushed_away_ends_in_a_soft_start() -> None:
+    """60 N·m on the first joint, not measured, for 30 ms meanwhile: the way back begins where the arm is."""
+    arm = rbi.load_robot("two_link")
+    guard, plant = FaultGuard(law(arm), "hold"), arm.raw_dynamics
+    still = hold(arm)(0.0)
+    state, (q, v, _) = guard.init(), still
+    for k in range(100):
+        nan = np.nan if 50 <= k < 80 else 0.0
+        output, state = guard.step(state, q + nan, v + nan, still, np.zeros(2))
+        if 50 < k and output.response == "run":
+            break
+        v = v + DT * plant.forward_dynamics(q, v, output.tau + [60.0 * (50 <= k < 80), 0.0])
+        q = plant.integrate(q, DT * v)
+    assert np.abs(v).max() > 1.0
+    assert np.abs(output.e2).max() < 1e-12
+
+
+@pytest.mark.slow
 def test_load_that_the_controller_has_learnt_survives_a_fault() -> None:
     """A payload, learnt by z, does not drop when one measurement is lost: the torque stays within a quarter of its
     weight of what it is without the fault."""

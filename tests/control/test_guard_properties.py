@@ -245,6 +245,36 @@ def test_release_of_brakes_is_slow_on_every_arm(name: str, flicker: str) -> None
     assert_release_is_slow(name, q, flicker, 15.0, 40.0, trajectory, 1500)
 
 
+# --- a sensor that freezes at rest ----------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("joint", [None, 0, 1, 3])
+@pytest.mark.parametrize("flicker", [0.0, 0.5])
+def test_sensor_that_freezes_at_rest_asks_for_brakes(joint: int | None, flicker: float) -> None:
+    """v = 0 and the same q look as if brakes held the arm. Brakes that close 50 ms after they are asked for stop it;
+    37 speed limits within 1.6 s, once. Where the other joints' encoders flicker that does not hide the frozen one."""
+    arm, still = load("panda"), hold(load("panda"), PANDA)
+    guard, plant = guarded(law("panda", 50.0, 500.0), "stop"), arm.raw_dynamics
+    which, on = slice(None) if joint is None else joint, moves_on(arm, PANDA)
+    state, q, v = guard.init(), PANDA, np.zeros(7)
+    asked, speed = [], []
+    for k in range(1200):
+        told_q, told_v = q + flicker * COUNT * (k % 2), v.copy()
+        if k >= 100:
+            told_q[which], told_v[which] = PANDA[which], 0.0
+        desired = on((k - 100) * DT) if k >= 100 else still(0.0)
+        output, state = guard.step(state, told_q, told_v, desired, np.zeros(7))
+        asked.append(output.brakes_requested)
+        is_braked = k > 50 and asked[k - 50]
+        v = np.zeros(7) if is_braked else v + DT * plant.forward_dynamics(q, v, output.tau)
+        q = plant.integrate(q, DT * v)
+        speed.append(np.abs(v / fastest(arm)).max())
+    assert any(asked)
+    assert max(speed) < 0.8
+    assert np.abs(q - PANDA).max() < 0.15
+
+
 # --- over arms, postures, speeds and pushes -------------------------------------------------------
 
 

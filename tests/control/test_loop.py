@@ -68,6 +68,14 @@ def test_stall_is_measured_counted_and_not_made_up_for(clock: Clock) -> None:
     assert report.longest == pytest.approx(4.3 * DT, rel=1e-9)
 
 
+def test_report_reads_as_one_line(clock: Clock) -> None:
+    loop, _ = run(clock, [0.5 * DT, 4.3 * DT])
+    assert repr(loop.report()) == (
+        "LoopReport: 2 periods, median 1 ms, 99 % up to 4.3 ms, longest 4.3 ms; "
+        "1 ticks late (overruns), 3 left out (missed)"
+    )
+
+
 def test_time_is_the_sum_of_the_periods(clock: Clock) -> None:
     loop, periods = run(clock, [0.5 * DT, 2.3 * DT, 0.1 * DT])
     assert loop.time == pytest.approx(sum(periods[1:]), rel=1e-9)

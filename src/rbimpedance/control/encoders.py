@@ -30,11 +30,13 @@ class EncoderState(NamedTuple):
     Attributes:
         q: Configuration in whole counts at the tick before, shape (nq,), or None before the first tick.
         v: Velocity measured then, shape (nv,) [rad/s or m/s], or None.
+        period: Time of the coming tick after the one before [s].
         inner: State of the controller.
     """
 
     q: Array | None
     v: Array | None
+    period: float
     inner: Any
 
 
@@ -54,7 +56,8 @@ class QuantizedEncoders(ControllerWrapper[EncoderState, ControllerOutput]):
     Attributes:
         controller: What is put behind the encoders.
         resolution: A count, shape (nv,) [rad or m].
-        velocity: "differentiated": (q_k (-) q_(k-1))/dt of the counted positions, zero at the first tick; or
+        velocity: "differentiated": (q_k (-) q_(k-1))/h of the counted positions with h the measured period, or dt
+            where none is given, zero at the first tick; or
             "measured": the true one, as of a tachometer.
         bandwidth: Corner frequency of a first-order low-pass on the velocity [Hz], or None.
 
@@ -124,13 +127,16 @@ class QuantizedEncoders(ControllerWrapper[EncoderState, ControllerOutput]):
 
     def init(self) -> EncoderState:
         """Return the state before the first tick."""
-        return EncoderState(None, None, self.controller.init())
+        return EncoderState(None, None, self.dt, self.controller.init())
 
     def _step(self, state: EncoderState, given: Measured) -> tuple[ControllerOutput, EncoderState]:
         q = self._counted(self.arm.check_configuration("q", given.q))
         v = self._velocity(state, q, vector("v", given.v, self.arm.nv))
         output, inner = self.controller.step(state.inner, *given._replace(q=q, v=v))
-        return output, EncoderState(q, v, inner)
+        return output, EncoderState(q, v, self.dt, inner)
+
+    def _elapsed(self, state: EncoderState, period: float) -> EncoderState:
+        return super()._elapsed(state, period)._replace(period=float(period))
 
     def _counted(self, q: Array) -> Array:
         """The configuration that is a whole number of counts away from neutral."""
@@ -144,5 +150,7 @@ class QuantizedEncoders(ControllerWrapper[EncoderState, ControllerOutput]):
         elif state.q is None:
             raw = np.zeros_like(v)
         else:
-            raw = self.arm.raw_dynamics.difference(state.q, counted) / self.dt
-        return raw if self._low_pass is None else self._low_pass.smooth(state.v, raw)
+            raw = self.arm.raw_dynamics.difference(state.q, counted) / state.period
+        if self.bandwidth is None:
+            return raw
+        return LowPass(self.bandwidth, state.period).smooth(state.v, raw)

@@ -30,14 +30,15 @@ class Limiter(Protocol):
 
 
 class LoopReport(NamedTuple):
-    """How well a loop kept its period.
+    """How well a loop kept its period; printed, it is one line of plain words.
 
     Attributes:
-        ticks: Number of measured periods.
-        overruns: How many ticks were done only after the next one was due.
-        missed: How many ticks did not take place because of them.
+        ticks: Number of measured periods: one less than the ticks that took place.
+        overruns: How many ticks came late, since the work of the one before took longer than a period.
+        missed: How many ticks never took place: whole periods that passed meanwhile. A tick 2.5 periods late is one
+            overrun, and two ticks are missed.
         p50: Median of the measured periods [s]; this and p99 are good to `RESOLUTION`.
-        p99: Their 99th percentile [s].
+        p99: Their 99th percentile: one period in a hundred is longer [s].
         longest: The longest [s].
     """
 
@@ -47,6 +48,13 @@ class LoopReport(NamedTuple):
     p50: float
     p99: float
     longest: float
+
+    def __repr__(self) -> str:
+        p50, p99, longest = (f"{1e3 * x:.3g} ms" for x in self[3:])
+        return (
+            f"LoopReport: {self.ticks} periods, median {p50}, 99 % up to {p99}, longest {longest}; "
+            f"{self.overruns} ticks late (overruns), {self.missed} left out (missed)"
+        )
 
 
 @brief_repr()
