@@ -108,7 +108,7 @@ def test_late_tick_gives_the_velocity_over_the_measured_period(bandwidth: float 
     inner: Any = Told(arm)
     encoders = QuantizedEncoders(inner, resolution=1e-9, bandwidth=bandwidth)
     state, angle, zero = encoders.init(), 0.0, np.zeros(arm.nv)
-    inner.elapsed = lambda state, period: state
+    inner.elapsed = lambda state, _period: state
     reference: Any = None
     for period in (DT, 7.0 * DT, DT, 3.0 * DT):
         angle += 0.37 * period

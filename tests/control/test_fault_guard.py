@@ -350,7 +350,7 @@ def test_short_loss_costs_less_than_a_milliradian(name: str, push: Any) -> None:
     """20 ticks in motion, with the impedance deflected by a push; 14 mrad and more by a soft start."""
     arm = rbi.load_robot("two_link")
     guard = FaultGuard(law(arm), "hold")
-    sound, q, *_ = run(guard, ticks=500, push=push)
+    _, q, *_ = run(guard, ticks=500, push=push)
     outputs, disturbed, *_ = run(guard, between(300, 320, lost(name)), ticks=500, push=push)
     assert np.abs(disturbed - q).max() < 1e-3
     assert [x.response for x in outputs].count("run") == 500 - 24
@@ -367,9 +367,9 @@ def test_short_loss_in_which_the_arm_is_pushed_away_ends_in_a_soft_start() -> No
     for k in range(100):
         nan = np.nan if 50 <= k < 80 else 0.0
         output, state = guard.step(state, q + nan, v + nan, still, np.zeros(2))
-        if 50 < k and output.response == "run":
+        if k > 50 and output.response == "run":
             break
-        v = v + DT * plant.forward_dynamics(q, v, output.tau + [60.0 * (50 <= k < 80), 0.0])
+        v = v + DT * plant.forward_dynamics(q, v, output.tau + np.array([60.0 * (50 <= k < 80), 0.0]))
         q = plant.integrate(q, DT * v)
     assert np.abs(v).max() > 1.0
     assert np.abs(output.e2).max() < 1e-12
