@@ -369,7 +369,9 @@ def test_short_loss_in_which_the_arm_is_pushed_away_ends_in_a_soft_start() -> No
         output, state = guard.step(state, q + nan, v + nan, still, np.zeros(2))
         if k > 50 and output.response == "run":
             break
-        v = v + DT * plant.forward_dynamics(q, v, output.tau + np.array([60.0 * (50 <= k < 80), 0.0]))
+        v = v + DT * plant.forward_dynamics(
+            q, v, output.tau + np.array([60.0 * (50 <= k < 80), 0.0])
+        )
         q = plant.integrate(q, DT * v)
     assert np.abs(v).max() > 1.0
     assert np.abs(output.e2).max() < 1e-12
