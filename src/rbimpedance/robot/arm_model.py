@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -126,8 +127,7 @@ class ArmModel:
         )
 
     def __reduce__(self) -> tuple[object, ...]:
-        model = self.raw_dynamics.model
-        return _rebuild, (model, self.name, self.tool_frame, self.notes, self.description)
+        return functools.partial(ArmModel, **self._labels()), (self.raw_dynamics.model,)
 
     # --- what the model knows -----------------------------------------------------------------------------------
 
@@ -345,9 +345,8 @@ class ArmModel:
         Unlike `lower` and `upper`, which bound the entries of q, there is one number per joint; a continuous joint
         has none and gets -inf and +inf.
         """
-        joints = [
-            self.raw_dynamics.model.joints[j] for j in movable_joints(self.raw_dynamics.model)
-        ]
+        model = self.raw_dynamics.model
+        joints = [model.joints[j] for j in movable_joints(model)]
         lower = [self.lower[j.idx_q] if j.nq == 1 else -np.inf for j in joints]
         upper = [self.upper[j.idx_q] if j.nq == 1 else np.inf for j in joints]
         return np.array(lower), np.array(upper)
@@ -499,20 +498,20 @@ class ArmModel:
                 hint += "; arm.integrate(arm.zero, q) makes one of joint positions"
             raise DimensionError(name, f"{error.expected}; {hint}", error.actual) from None
         if self.nq != self.nv and not pin.isNormalized(self.raw_dynamics.model, q, 1e-6):
-            raise DimensionError(
-                name,
-                "a configuration whose continuous joints are (cos, sin) pairs of unit length",
-                f"{q}",
-            )
+            words = "a configuration whose continuous joints are (cos, sin) pairs of unit length"
+            raise DimensionError(name, words, f"{q}")
         return q
 
     def _per_joint(self, name: str, value: ArrayLike) -> Array:
-        return np.array(
-            per_joint(name, gain(name, value, "non-negative", lambda x: x >= 0.0), self.nv)
-        )
+        given = gain(name, value, "non-negative", lambda x: x >= 0.0)
+        return np.array(per_joint(name, given, self.nv))
 
     def _with_model(self, model: pin.Model) -> ArmModel:
-        return _rebuild(model, self.name, self.tool_frame, self.notes, self.description)
+        return ArmModel(model, **self._labels())
+
+    def _labels(self) -> dict[str, Any]:
+        names = ("name", "tool_frame", "notes", "description")
+        return {name: getattr(self, name) for name in names}
 
     def _frame_id(self, frame: str | None) -> int:
         frame = self.tool_frame if frame is None else frame
@@ -524,16 +523,6 @@ class ArmModel:
         return frame_id
 
     unchecked = renamed_attribute("unchecked", "raw_dynamics")
-
-
-def _rebuild(
-    model: pin.Model,
-    name: str,
-    tool_frame: str,
-    notes: tuple[str, ...],
-    description: Description | None,
-) -> ArmModel:
-    return ArmModel(model, name=name, tool_frame=tool_frame, notes=notes, description=description)
 
 
 def _check_joints(model: pin.Model) -> None:

@@ -154,20 +154,25 @@ def run(
         DivergenceError: A joint left every sensible range.
         SnapshotError: The checkpoint is of another run, or damaged.
     """
-    controller, sensor, period = loop.controller, loop.sensor, _Period(loop)
-    plant, channels = period.plant, empty_channels(loop.ticks + 1, loop.plant.nq, loop.plant.nv)
+    controller, sensor = loop.controller, loop.sensor
+    plant: Plant[Any] = loop.engine or RigidPlant(
+        loop.plant, loop.integrator, loop.friction_is_stiff()
+    )
+    channels = empty_channels(loop.ticks + 1, loop.plant.nq, loop.plant.nv)
     moved = plant.begin(loop.q, loop.v, loop.h)
     start = RunState(0, moved, np.zeros(loop.plant.nv), controller.init(), sensor.init())
     if checkpoint is not None:
         start = checkpoint.begin(start, channels, loop.fingerprint())
     first, moved, tau, state, sensed = start
+    stops = loop.stops
     for k in range(first, loop.ticks + 1):
         t, (q, v) = k * controller.dt, plant.measured(moved)
         tau_ext = plant.external_torque(moved, loop.environment, t)
         told, sensed = sensor.step(sensed, q, v, tau, tau_ext)
         output, state = controller.step(state, q, v, loop.trajectory(t), told)
         tau = output.tau
-        a = plant.acceleration(moved, tau, tau_ext + period.stop_torque(moved))
+        stop = 0.0 if stops is None else stops.torque(loop.plant, t, *plant.motion(moved))
+        a = plant.acceleration(moved, tau, tau_ext + stop)
         channels["q"][k], channels["v"][k] = plant.motion(moved)
         channels["e_im"][k] = controller.impedance_error(output, a)
         channels["tau_ext"][k] = tau_ext
@@ -176,39 +181,24 @@ def run(
         if on_tick is not None:
             on_tick(k, loop.ticks)
         if k < loop.ticks:
-            moved = period.advance(k, moved, tau, channels)
+            moved = _advance(loop, plant, k, moved, tau, channels)
             if checkpoint is not None:
                 checkpoint.offer(RunState(k + 1, moved, tau, state, sensed), channels)
     return loop.result(channels, loop.ticks + 1)
 
 
-class _Period:
-    """The plant between two ticks."""
-
-    def __init__(self, loop: ClosedLoop) -> None:
-        self.loop, self.acting = loop, loop.acting
-        self.plant: Plant[Any] = loop.engine or RigidPlant(
-            loop.plant, loop.integrator, loop.friction_is_stiff()
-        )
-
-    def stop_torque(self, moved: Any) -> Array | float:
-        """What the stops do, as `Plant.external_torque` says for the environment."""
-        stops = self.loop.stops
-        return (
-            0.0 if stops is None else stops.torque(self.loop.plant, 0.0, *self.plant.motion(moved))
-        )
-
-    def advance(self, k: int, moved: Any, tau: Array, channels: dict[str, Any]) -> Any:
-        """Advance by one control period under a held torque."""
-        loop, h = self.loop, self.loop.h
-        for i in range(loop.substeps):
-            t = k * loop.controller.dt + i * h
-            moved = self.plant.step(moved, tau, self.acting, t, h)
-            speed = np.abs(self.plant.motion(moved).v)
-            if not (speed < SPEED_BOUND).all():
-                joint = int(np.argmax(speed))  # NaN counts as the largest
-                raise loop.divergence(k, joint, channels)
-        return moved
+def _advance(
+    loop: ClosedLoop, plant: Plant[Any], k: int, moved: Any, tau: Array, channels: dict[str, Any]
+) -> Any:
+    """Advance the plant by one control period under a held torque."""
+    h, acting = loop.h, loop.acting
+    for i in range(loop.substeps):
+        moved = plant.step(moved, tau, acting, k * loop.controller.dt + i * h, h)
+        speed = np.abs(plant.motion(moved).v)
+        if not (speed < SPEED_BOUND).all():
+            joint = int(np.argmax(speed))  # NaN counts as the largest
+            raise loop.divergence(k, joint, channels)
+    return moved
 
 
 def empty_channels(

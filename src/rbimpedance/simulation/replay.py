@@ -32,11 +32,7 @@ def replay_sensor(result: SimulationResult, sensor: Sensor[Any]) -> Array:
     arm = getattr(sensor, "arm", None)
     if isinstance(arm, ArmModel) and arm.nv != result.v.shape[1]:
         raise DimensionError("result", f"a run with nv = {arm.nv}", f"v of shape {result.v.shape}")
-    held = np.vstack([np.zeros_like(result.tau[:1]), result.tau[:-1]])
-    state, told = sensor.init(), np.empty_like(result.tau)
-    for k, sample in enumerate(zip(result.q, result.v, held, result.tau_ext, strict=True)):
-        told[k], state = sensor.step(state, *sample)
-    return told
+    return np.array(_outputs(sensor, result))
 
 
 @renamed_arguments(knowledge="model")
@@ -67,10 +63,14 @@ def estimate_disturbance(
         raise DimensionError("result", expected, f"v of shape {result.v.shape}")
     dt = float(result.t[1] - result.t[0])
     observer = SuperTwistingDisturbanceObserver(arm, reaching, dt, model=model)
-    state = observer.init()
-    held = np.vstack([np.zeros(arm.nv), result.tau[:-1]])
-    w = np.empty_like(result.v)
-    for k, sample in enumerate(zip(result.q, result.v, held, result.tau_ext, strict=True)):
-        estimate, state = observer.step(state, *sample)
-        w[k] = estimate.w
-    return w
+    return np.array([estimate.w for estimate in _outputs(observer, result)])
+
+
+def _outputs(part: Any, result: SimulationResult) -> list[Any]:
+    """What a sensor or an observer gives at every sample of a run."""
+    state, outputs = part.init(), []
+    held = np.vstack([np.zeros_like(result.tau[:1]), result.tau[:-1]])
+    for sample in zip(result.q, result.v, held, result.tau_ext, strict=True):
+        output, state = part.step(state, *sample)
+        outputs.append(output)
+    return outputs
