@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._common.arrays import Array, BoolArray
-from .violations import Logged, limit_of
+from .run_log import RunLog
+from .violations import limit_of
 
 RATIO = 10.0
 """Variation that chatters, relative to what the motion needs."""
@@ -37,7 +38,7 @@ class Ripple(NamedTuple):
     needed: Array
 
 
-def ripple_of(result: Logged, start: int) -> Ripple | None:
+def ripple_of(result: RunLog, start: int) -> Ripple | None:
     """Return the ripple of the torque after a sample; None for a run with too few samples.
 
     The slow part is the mean over 0.1 s. It follows the motion, pushes and contact; an oscillation above about 10 Hz is
@@ -66,7 +67,7 @@ def ripple_of(result: Logged, start: int) -> Ripple | None:
     )
 
 
-def chatters(result: Logged, ripple: Ripple) -> BoolArray:
+def chatters(result: RunLog, ripple: Ripple) -> BoolArray:
     """Return which joints chatter, shape (nv,).
 
     Without noise, a torque that varies more than ten times what its motion needs, with a ripple above a thousandth of

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -19,6 +18,7 @@ from ..interaction import EnvironmentLike
 from ..robot.arm_model import ArmModel
 from . import result_file
 from .forces import Forces
+from .run_log import RunLog
 from .verdict import Verdict, growth, verdict_of
 from .violations import Excess, excess
 
@@ -51,7 +51,7 @@ class Animation(Protocol):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SimulationResult:
+class SimulationResult(RunLog):
     """Log of a closed loop; the first axis of every array is time.
 
     Attributes:
@@ -74,21 +74,6 @@ class SimulationResult:
         forces: What pushed on it, for `wrench` and `tau_stop`; None in a result from a file or another process.
     """
 
-    t: Array
-    q: Array
-    v: Array
-    q_r: Array
-    e1: Array
-    e2: Array
-    e_im: Array
-    s: Array
-    tau: Array
-    tau_ext: Array
-    saturated: BoolArray
-    rate_limited: BoolArray
-    clipped: BoolArray
-    reference_limited: BoolArray
-    provenance: Mapping[str, Any]
     plant: ArmModel | None = None
     forces: Forces | None = field(default=None, repr=False)
     _derived: dict[str, Array] = field(default_factory=dict, init=False, repr=False)
@@ -131,11 +116,6 @@ class SimulationResult:
         """Leave what pushed on the arm, which may be functions, behind."""
         derived = {name: self._derive(name) for name in ("wrench", "tau_stop")}
         return self.__dict__ | {"forces": None, "_derived": derived}
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints, in the order of the columns."""
-        return tuple(self.provenance["plant"]["joint_names"])
 
     def samples_after(self, after: float) -> BoolArray:
         """Return which samples are not before a time, shape (N,).

@@ -11,7 +11,8 @@ import numpy as np
 from .._common.arrays import Array, BoolArray
 from .._common.deprecation import renamed_attribute
 from .chatter import chatters, ripple_of
-from .violations import Logged, excess, force_unit_of, unit_of
+from .run_log import RunLog
+from .violations import excess, force_unit_of, unit_of
 
 LARGE, LARGEST = 0.05, 0.5
 """Error that is large where the reference is constant, and where it moves far [rad or m]."""
@@ -88,7 +89,7 @@ class Verdict:
         return "failed: " + " and ".join(finding.words for finding in self.findings)
 
 
-def verdict_of(result: Logged) -> Verdict:
+def verdict_of(result: RunLog) -> Verdict:
     """Return whether a run failed; see `SimulationResult.verdict` for the definition."""
     sizes, start = _errors_by_quarter(result), _end_of_start(result)
     errors = tuple(_error(result, sizes)) or tuple(_deviation(result))
@@ -99,7 +100,7 @@ def verdict_of(result: Logged) -> Verdict:
     return Verdict(findings, float(sizes[-1].max()))
 
 
-def growth(result: Logged) -> Array:
+def growth(result: RunLog) -> Array:
     """Return the error of the last quarter relative to that of the one before, shape (nv,); 1 where both are zero."""
     before, last = _errors_by_quarter(result)[2:]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -107,7 +108,7 @@ def growth(result: Logged) -> Array:
     return ratio
 
 
-def _divergence(result: Logged) -> Iterator[Finding]:
+def _divergence(result: RunLog) -> Iterator[Finding]:
     mark = result.provenance.get("diverged")
     if mark is not None:
         time, joint = float(mark["time"]), str(mark["joint"])
@@ -116,7 +117,7 @@ def _divergence(result: Logged) -> Iterator[Finding]:
         yield Finding("divergence", joint, time, speed, words)
 
 
-def _position(result: Logged) -> Iterator[Finding]:
+def _position(result: RunLog) -> Iterator[Finding]:
     """A joint farther beyond its limit than `BEYOND`, and than it began."""
     beyond = excess(result).position
     over = beyond - BEYOND - np.maximum(beyond[0], 0.0)
@@ -128,7 +129,7 @@ def _position(result: Logged) -> Iterator[Finding]:
         yield Finding("position", name, time, size, words)
 
 
-def _error(result: Logged, sizes: Array) -> Iterator[Finding]:
+def _error(result: RunLog, sizes: Array) -> Iterator[Finding]:
     """An error that is large in the last quarter, and does not fall."""
     if len(result.t) < _FEWEST_SAMPLES:
         return
@@ -146,7 +147,7 @@ def _error(result: Logged, sizes: Array) -> Iterator[Finding]:
         yield Finding("error", name, float(result.t[-1]), size, words)
 
 
-def _deviation(result: Logged) -> Iterator[Finding]:
+def _deviation(result: RunLog) -> Iterator[Finding]:
     """An error that was large at some time, though it fell afterwards."""
     often, seconds = AT_THE_START
     moving = np.minimum(DEVIATION + SHARE_OF_DEVIATION * _range_of_reference(result), LARGEST)
@@ -165,7 +166,7 @@ def _deviation(result: Logged) -> Iterator[Finding]:
         yield Finding("deviation", name, time, size, words)
 
 
-def _effort(result: Logged) -> Iterator[Finding]:
+def _effort(result: RunLog) -> Iterator[Finding]:
     """A torque beyond what the motor can give."""
     over = excess(result).effort
     limit = np.where(np.isfinite(over), np.abs(result.tau) - over, np.inf)[0]
@@ -181,7 +182,7 @@ def _effort(result: Logged) -> Iterator[Finding]:
         yield Finding("effort", name, time, size, words)
 
 
-def _saturation(result: Logged, start: int) -> Iterator[Finding]:
+def _saturation(result: RunLog, start: int) -> Iterator[Finding]:
     """A torque that is at its limit for long, after the arm has come to its reference."""
     late = result.saturated[start:]
     share = late.mean(axis=0)
@@ -195,7 +196,7 @@ def _saturation(result: Logged, start: int) -> Iterator[Finding]:
         yield Finding("saturation", name, time, float(share[joint]), words)
 
 
-def _chatter(result: Logged, start: int) -> Iterator[Finding]:
+def _chatter(result: RunLog, start: int) -> Iterator[Finding]:
     """A torque that shakes: much more variation than its slow part, and not by the noise of sensors."""
     ripple = ripple_of(result, start)
     if ripple is None or not (shaking := chatters(result, ripple)).any():
@@ -209,7 +210,7 @@ def _chatter(result: Logged, start: int) -> Iterator[Finding]:
     yield Finding("chatter", name, float(result.t[start]), float(ripple.size[joint]), words)
 
 
-def _end_of_start(result: Logged) -> int:
+def _end_of_start(result: RunLog) -> int:
     """Number of the first sample at which the arm has come to its reference, at most the middle of the run."""
     size = np.abs(result.e1).max(axis=1)
     arrived = size <= _ARRIVED * size[0]
@@ -217,7 +218,7 @@ def _end_of_start(result: Logged) -> int:
     return min(int(np.argmax(arrived)) if arrived.any() else latest, latest)
 
 
-def _errors_by_quarter(result: Logged) -> Array:
+def _errors_by_quarter(result: RunLog) -> Array:
     """Root-mean-square e1 of each quarter of the run, shape (4, nv)."""
     quarters = np.array_split(result.e1, 4)
     return np.array(
@@ -225,12 +226,12 @@ def _errors_by_quarter(result: Logged) -> Array:
     )
 
 
-def _range_of_reference(result: Logged) -> Array:
+def _range_of_reference(result: RunLog) -> Array:
     """How far the reference of each joint goes, shape (nv,), by its velocity v + e2."""
     way = np.cumsum((result.v + result.e2)[:-1] * np.diff(result.t)[:, None], axis=0)
     span: Array = np.maximum(way.max(axis=0), 0.0) - np.minimum(way.min(axis=0), 0.0)
     return span
 
 
-def _first(result: Logged, happens: BoolArray) -> float:
+def _first(result: RunLog, happens: BoolArray) -> float:
     return float(result.t[np.argmax(happens)])

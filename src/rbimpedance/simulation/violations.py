@@ -3,57 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from .._common.arrays import Array, BoolArray
+from .._common.arrays import Array
 from ..robot.arm_model import ArmModel
 from ..robot.rigid_bodies import movable_joints
-
-
-class Logged(Protocol):
-    """What of a result limits and references are compared with; see `SimulationResult`."""
-
-    @property
-    def t(self) -> Array:
-        """Times, shape (N,) [s]."""
-
-    @property
-    def q(self) -> Array:
-        """Configuration, shape (N, nq)."""
-
-    @property
-    def v(self) -> Array:
-        """Velocity, shape (N, nv)."""
-
-    @property
-    def e1(self) -> Array:
-        """Position error, shape (N, nv)."""
-
-    @property
-    def e2(self) -> Array:
-        """Velocity error, shape (N, nv)."""
-
-    @property
-    def tau(self) -> Array:
-        """Motor torque, shape (N, nv)."""
-
-    @property
-    def tau_ext(self) -> Array:
-        """Torque of the environment, shape (N, nv)."""
-
-    @property
-    def saturated(self) -> BoolArray:
-        """Whether the joint is at its torque limit, shape (N, nv)."""
-
-    @property
-    def provenance(self) -> Mapping[str, Any]:
-        """What produced it, with the limits of the arm."""
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints."""
+from .run_log import RunLog
 
 
 class Excess(NamedTuple):
@@ -103,7 +60,7 @@ def error_unit(arm: ArmModel) -> str:
     return " or ".join(sorted(set(units_of(arm)), reverse=True))
 
 
-def excess(result: Logged) -> Excess:
+def excess(result: RunLog) -> Excess:
     """Return how far beyond its limits a run is.
 
     Args:
@@ -124,18 +81,18 @@ def excess(result: Logged) -> Excess:
     )
 
 
-def unit_of(result: Logged, joint: int) -> str:
+def unit_of(result: RunLog, joint: int) -> str:
     """Return "rad" or "m", as the joint turns or slides."""
     limits: Mapping[str, Any] | None = result.provenance.get("limits")
     return "rad" if limits is None else str(limits["unit"][joint])
 
 
-def force_unit_of(result: Logged, joint: int) -> str:
+def force_unit_of(result: RunLog, joint: int) -> str:
     """Return "N·m" or "N", as the joint turns or slides."""
     return "N" if unit_of(result, joint) == "m" else "N·m"
 
 
-def limit_of(result: Logged, name: Literal["velocity", "effort"]) -> Array:
+def limit_of(result: RunLog, name: Literal["velocity", "effort"]) -> Array:
     """Return a limit of every joint, shape (nv,); infinite where there is none, or a file does not say it."""
     limits: Mapping[str, Any] | None = result.provenance.get("limits")
     if limits is None:
