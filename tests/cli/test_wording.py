@@ -163,6 +163,10 @@ def test_slow_start_of_the_command_line_says_so(
     first_sign.loaded()
     expected = "" if name == "my_script.py" else "loading rbimpedance ...\n"
     assert capsys.readouterr().err == expected
+    monkeypatch.setattr("sys.argv", [name, "run", "--quiet"])
+    first_sign.watch()
+    time.sleep(0.2)
+    assert capsys.readouterr().err == ""
 
 
 def test_view_takes_its_old_option_and_warns(

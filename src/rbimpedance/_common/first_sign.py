@@ -31,7 +31,9 @@ def _wait() -> None:
 
 
 def _is_command_line() -> bool:
-    """Whether this process is `rbimpedance` or `python -m rbimpedance`."""
+    """Whether this process is `rbimpedance` or `python -m rbimpedance`, and may say something."""
+    if not {"--quiet", "--json"}.isdisjoint(sys.argv):
+        return False
     if sys.argv[:1] == ["-m"]:  # not known yet, while Python looks for the module
         return "rbimpedance" in sys.orig_argv
     return bool(sys.argv) and Path(sys.argv[0]).name in _COMMANDS

@@ -6,7 +6,14 @@ import numpy as np
 
 from .option_groups import with_options
 from .options import Json, Quiet, Robot, RobotOptions
-from .terminal import number, print_json, print_table, stdout, table, tell
+from .terminal import explain, number, print_json, print_table, table, tell
+
+LEGEND = (
+    "lower, upper: position limits in rad (m where a joint slides); speed: its limit in rad/s (m/s); effort: largest "
+    "torque in N·m (N); viscous, Coulomb: friction in N·m·s/rad and N·m (N·s/m and N); armature: rotor inertia at the "
+    "joint, M(neutral): all inertia at the joint in the neutral posture, both in kg·m^2 (kg); –: not given, or no limit"
+)
+"""What the columns of the table mean."""
 
 _INSPECTED = (
     *("name", "nq", "nv", "joint_names", "tool_frame", "frame_names"),
@@ -38,6 +45,6 @@ def inspect(
         header = ("joint", "lower", "upper", "speed", "effort", "viscous", "Coulomb", "armature")
         title = f"{arm.name}: nq = {arm.nq}, nv = {arm.nv}, tool frame '{arm.tool_frame}'"
         print_table(table(title, (*header, "M(neutral)"), rows))
-        stdout.print("SI units; – means: not given, or no limit", style="dim")
+        explain(LEGEND)
     for note in arm.notes:
         tell(f"note: {note}")

@@ -10,8 +10,8 @@ import typer
 
 from .._common.files import whole_file
 from ..study import Study, find_study, run_study, summarize
-from .study_tables import tables
-from .terminal import print_json, print_table, progress, say, stdout
+from .study_tables import LEGEND, tables
+from .terminal import explain, print_json, print_table, progress, say, stdout
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -62,8 +62,10 @@ def study(
     if as_json:
         print_json(summary)
         return
-    for told in () if quiet else tables(summary):
-        print_table(told)
+    if not quiet:
+        for told in tables(summary):
+            print_table(told)
+        explain(LEGEND)
     stdout.print("written: " + ", ".join(map(str, files)), soft_wrap=True, markup=False)
 
 

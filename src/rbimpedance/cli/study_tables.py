@@ -10,6 +10,13 @@ from rich.table import Table
 from ..study.summary import ALIKE
 from .terminal import number, table
 
+LEGEND = (
+    "deviation: distance from the motion that the target impedance makes; e_im: impedance error, the force that is "
+    "missing (paper, eq. 5); e1: distance from the controller's reference; rms: root mean square of a run; torque "
+    "variation: all ups and downs in a second; pairs: runs that both ended; cells: robot and disturbance; 95 %: interval of the ratio"
+)
+"""What the columns of the tables mean."""
+
 WORST_SHOWN = 3
 """Cells shown for each of the others; the file has all."""
 
