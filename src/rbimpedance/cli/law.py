@@ -22,8 +22,8 @@ from .terminal import progress, say
 
 _gains = partial(option, "Gains")
 
-REMEDY_TIME = 3.0
-"""Time after which no more remedies are tried for gains that are refused [s]."""
+REMEDY_TIME, WITHOUT_ROTORS = 10.0, 1.0
+"""Time after which no more remedies are tried for gains that are refused, and where the reason is known before [s]."""
 
 TUNING_TIME = 5.0
 """Least length of the motion that gains are tuned for, however short the run is [s]."""
@@ -110,7 +110,7 @@ def tuned(task: Task, *, quiet: bool, at_least: float = 0.0) -> GainProposal:
         at_least: Least length of the motion [s].
     """
     arm, motion = task.arm, task.motion
-    say_whether_rotors_lack(arm, task.unknown.plant(arm).plant)
+    lacking = say_whether_rotors_lack(arm, task.unknown.plant(arm).plant)
     trajectory = motion.trajectory(arm)
     with progress(f"tuning {arm.name}", quiet=quiet) as on_tick:
         return propose_gains(
@@ -125,5 +125,5 @@ def tuned(task: Task, *, quiet: bool, at_least: float = 0.0) -> GainProposal:
             duration=max(motion.duration, at_least),
             seed=task.unknown.seed,
             on_tick=on_tick,
-            remedy_time=REMEDY_TIME,
+            remedy_time=WITHOUT_ROTORS if lacking else REMEDY_TIME,
         )

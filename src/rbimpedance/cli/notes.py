@@ -25,18 +25,19 @@ def say_grave_notes(arm: ArmModel) -> None:
         say(f"note: {note}")
 
 
-def say_whether_rotors_lack(arm: ArmModel, heaviest: ArmModel) -> None:
-    """Print a note where a payload changes the inertia of an arm without rotors so much that hardly any gains do.
+def say_whether_rotors_lack(arm: ArmModel, heaviest: ArmModel) -> bool:
+    """Return, and note, whether a payload changes the inertia of an arm without rotors so much that few gains do.
 
     Args:
         arm: The arm as its description says.
         heaviest: The arm with the largest payload.
     """
     if arm.armature.any():
-        return
+        return False
     before, after = arm.mass_matrix(arm.ready), heaviest.mass_matrix(arm.ready)
     factors, directions = scipy.linalg.eigh(after, before)
-    if factors[-1] > LARGEST_FACTOR:
+    lacking = bool(factors[-1] > LARGEST_FACTOR)
+    if lacking:
         name = arm.joint_names[
             int(np.argmax(np.abs(directions[:, -1] * (after @ directions[:, -1]))))
         ]
@@ -45,6 +46,7 @@ def say_whether_rotors_lack(arm: ArmModel, heaviest: ArmModel) -> None:
             f"description gives no rotor inertia; if the joints are geared, give it: --armature {KNOWN_ARMATURE:g} for "
             "example"
         )
+    return lacking
 
 
 def _on_fingers(arm: ArmModel) -> Iterator[str]:
