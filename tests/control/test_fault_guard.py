@@ -370,7 +370,7 @@ def test_short_loss_in_which_the_arm_is_pushed_away_ends_in_a_soft_start() -> No
         if k > 50 and output.response == "run":
             break
         v = v + DT * plant.forward_dynamics(
-            q, v, output.tau + np.array([60.0 * (50 <= k < 80), 0.0])
+            q, v, output.tau + np.array([60.0, 0.0]) * (50 <= k < 80)
         )
         q = plant.integrate(q, DT * v)
     assert np.abs(v).max() > 1.0

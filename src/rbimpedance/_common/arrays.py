@@ -37,7 +37,7 @@ def vector(name: str, value: ArrayLike, size: int | None, symbol: str = "nv") ->
     array = real(name, value, expected)
     if array.ndim != 1 or size not in (None, len(array)):
         raise DimensionError(name, expected, f"shape {array.shape}")
-    if not _all_finite(array):
+    if not np.isfinite(array).all():
         raise NonFiniteError(name, np.flatnonzero(~np.isfinite(array)).tolist())
     return array
 
@@ -222,11 +222,5 @@ def is_finite(value: object) -> bool:
     if isinstance(value, tuple):
         return all(map(is_finite, value))
     if isinstance(value, np.ndarray):
-        return value.dtype.kind != "f" or _all_finite(value)
+        return value.dtype.kind != "f" or bool(np.isfinite(value).all())
     return not isinstance(value, float) or isfinite(value)
-
-
-def _all_finite(array: Array) -> bool:
-    """Whether all entries are finite; the sum of the squares is quicker than a look at each, and may overflow."""
-    flat = array.ravel()
-    return isfinite(flat.dot(flat)) or bool(np.isfinite(flat).all())

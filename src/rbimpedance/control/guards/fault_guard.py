@@ -225,7 +225,8 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
                 if fault is None and output is not None:
                     return self._told(state, output, following)
                 now = now._replace(sound=0, fault=fault)
-            if fault is not None and not self._meets(fault, state):
+            has_torque = state.monitor.ticks > 0 or (fault is not None and _is_seen(fault))
+            if fault is not None and not (has_torque and self.policy != "raise"):
                 raise FaultError(fault)
             return self._told(state, *self._fall_back(state, now))
 
@@ -280,10 +281,6 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         is_fast = (np.abs(known.v) > 0.5 * self.range.velocity).any()
         return state.fault.kind == "out of range" and bool(is_fast)
 
-    def _meets(self, fault: Fault, state: FaultGuardState) -> bool:
-        """Whether there is a torque to meet a fault with."""
-        return self.policy != "raise" and (state.monitor.ticks > 0 or _is_seen(fault))
-
     def _run(
         self, state: FaultGuardState, now: FaultGuardState
     ) -> tuple[GuardedOutput | None, Fault | None, FaultGuardState]:
@@ -334,13 +331,14 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
 
     def _taken_over(self, state: FaultGuardState, now: FaultGuardState) -> SoftStartState:
         """State of the controller for this tick; where it was away, with a soft start."""
-        start, is_late = self._start, self._is_late(now)
+        start, is_late, inner = self._start, self._is_late(now), state.inner
+        if now.period is not None:
+            inner = start.elapsed(inner, now.period)
         was_away = state.response != "run" or is_late
-        if was_away or (state.monitor.ticks > 0 and start.has_jumped(state.inner, now.reference)):
-            is_stale = is_late or _is_idle(state.fault)
-            before = start.init() if is_stale else state.inner
+        if was_away or (state.monitor.ticks > 0 and start.has_jumped(inner, now.reference)):
+            before = start.init() if is_late or _is_idle(state.fault) else state.inner
             return start.handover(before, self._situation(state, now))
-        return state.inner if now.period is None else start.elapsed(state.inner, now.period)
+        return inner
 
     def _situation(self, state: FaultGuardState, now: FaultGuardState) -> Situation:
         """The arm as it is; after a long pause, at rest with what holds it."""

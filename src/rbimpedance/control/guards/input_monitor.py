@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..._common.arrays import Array, BoolArray, is_finite, real, vector
 from ..._common.frozen import set_fields
@@ -154,9 +153,14 @@ class Monitor:
         bits = made[FOUND].astype(np.int64)
         sees_q, sees_v = bits & _UNSEEN_Q == 0, bits & _UNSEEN_V == 0
         if not faults and bits.any():
-            change = made[SEEN_V] if measured_v is None else measured_v - state.joints[V]
-            values = made[STILL], made[SEEN_V], moved, position, measured_v, change
-            faults = self._named(bits, dict(zip(_VALUES, values, strict=True)))
+            known_v = made[SEEN_V] if measured_v is None else measured_v
+            change = known_v - state.joints[V]
+            values = moved, made[STILL], known_v, change, made[SEEN_V], position
+            faults = [
+                self._fault(kind, name, bits & bit != 0, value, words)
+                for (bit, kind, name, words), value in zip(_FAULTS, values, strict=True)
+                if (bits & bit).any()
+            ]
         if measured_q is None or not sees_q.all():
             measured_q = self.arm.raw_dynamics.integrate(state.q, np.where(sees_q, moved, 0.0))
         made[EXPECTED] += period * (v_e if desired is None else desired.v + v_e)
@@ -186,15 +190,6 @@ class Monitor:
         judge_v(self._bounds, before, made, moved, position, v, int(state.ticks == 0))
         return made, moved, position
 
-    def _named(self, bits: NDArray[np.int64], values: Mapping[str, Array | None]) -> list[Fault]:
-        """The faults of the joints, in the order of `_FAULTS`."""
-        faults = []
-        for bit, kind, name, quantity, words in _FAULTS:
-            where, value = bits & bit != 0, values[quantity]
-            if value is not None and where.any():
-                faults.append(self._fault(kind, name, where, value, words))
-        return faults
-
     def _fault(
         self, kind: FaultKind, name: str, where: BoolArray, value: Array, words: str
     ) -> Fault:
@@ -206,10 +201,9 @@ class Monitor:
         """All inputs, copied, where they are sound vectors of float64, as almost always; checked at once."""
         if type(measured.reference) is not Reference or self.arm.nq != self.arm.nv:
             return None
-        given = (measured.q, measured.v, measured.tau_ext, *measured.reference)
-        if not all(type(x) is np.ndarray and x.dtype == np.float64 for x in given):
-            return None
-        if any(np.shape(x) != (self.arm.nv,) for x in given):
+        n, given = self.arm.nv, (measured.q, measured.v, measured.tau_ext, *measured.reference)
+        is_plain = (type(x) is np.ndarray and x.dtype == float and x.shape == (n,) for x in given)
+        if not all(is_plain):
             return None
         rows = np.array(given)
         if not is_finite(rows) or (np.abs(rows[2]) > self.range.external).any():
@@ -251,22 +245,20 @@ class Monitor:
 
 
 _UNSEEN_Q, _UNSEEN_V = NO_Q | FAR | FROZEN, NO_V | ALONE | JUMPED
-_VALUES = ("still", "seen", "moved", "position", "v", "change")
-_FAULTS: tuple[tuple[int, FaultKind, str, str, str], ...] = (
-    (FAR, "jump", "q", "moved", "q jumps by {:.3g}"),
+_FAULTS: tuple[tuple[int, FaultKind, str, str], ...] = (
+    (FAR, "jump", "q", "q jumps by {:.3g}"),
     (
         FROZEN,
         "frozen",
         "q",
-        "still",
         "q is bitwise constant, for {:.0f} ticks after it should have moved",
     ),
-    (ALONE, "inconsistent", "v", "v", "v = {:.4g} is not how q moves"),
-    (JUMPED, "jump", "v", "change", "v jumps by {:.3g}"),
-    (FAST, "out of range", "v", "seen", "v = {:.4g} is outside the stated range"),
-    (OUTSIDE, "out of range", "q", "position", "q = {:.4g} is outside the stated range"),
+    (ALONE, "inconsistent", "v", "v = {:.4g} is not how q moves"),
+    (JUMPED, "jump", "v", "v jumps by {:.3g}"),
+    (FAST, "out of range", "v", "v = {:.4g} is outside the stated range"),
+    (OUTSIDE, "out of range", "q", "q = {:.4g} is outside the stated range"),
 )
-"""Bit, kind, quantity, which value is shown, and words, the most urgent one first."""
+"""Bit, kind, quantity, and words, the most urgent one first."""
 
 
 def _neutral_positions(arm: ArmModel) -> Array:
