@@ -57,9 +57,14 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
     pushes with less. A blind arm comes to rest within `longest_blind` as far as model and r are right; whether they are
     or not, its torque never stays the same, and goes to zero.
 
-    The controller is back after `patience` ticks without a fault, by a `SoftStart` from where the arm is and the torque
-    that acts; an arm that was out of range first slows down to half of its range of speed. What the controller's
-    integral knows of the load stays, unless the torque had no effect.
+    The controller is back after `patience` ticks without a fault; an arm that was out of range first slows down to half
+    of its range of speed. Where inputs were lost for less than `LONGEST_PERIOD` control periods and the arm is near
+    where the impedance wants it, the return is a late tick; else a `SoftStart` from where the arm is and the torque
+    that acts. What the controller's integral knows of the load stays, unless the torque had no effect.
+
+    A sensor that freezes at rest looks like a brake: q and v stay the same whatever the torque. Where torque has no
+    effect and q is bitwise constant the output says `brakes_requested`, too, and the controller is tried again ever
+    less often; the torque is taken back with its impulse, which also stops an arm that has moved unseen.
 
     `step` is pure, as of any controller. The first tick has nothing to fall back on: there every policy raises, unless
     the measurement is right and only out of range.
@@ -321,11 +326,10 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         is_brief = state.response != "run" and away < LONGEST_PERIOD * self.dt
         if not (is_brief and state.fault is not None and state.fault.kind in _OF_INPUTS):
             return None
-        start, reference = self._start, now.reference
-        inner = start.elapsed(state.inner, away)
-        if start.has_jumped(inner, reference):
+        inner = self._start.elapsed(state.inner, away)
+        if self._start.has_jumped(inner, now.reference):
             return None
-        output, inner = start.follow(inner, *now.known[:2], reference, now.tau_ext)
+        output, inner = self._start.follow(inner, *now.known[:2], now.reference, now.tau_ext)
         is_near = (np.abs(output.e1) < _NEAR) & (np.abs(output.e2) < _EASY * self.way_back)
         return (output, inner) if is_near.all() else None
 
@@ -373,12 +377,12 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         output = without_controller(self.arm, now, tau)
         output = output._replace(saturated=at_limit, rate_limited=is_changing & ~at_limit)
         following = now._replace(tau=tau, response=response, since=since, period=None)
-        is_unseen = now.effect.constant >= self.frozen_ticks * self.dt
+        is_unseen = _is_idle(now.fault) and now.effect.constant >= self.frozen_ticks * self.dt
         return GuardedOutput.of(output, response, now.fault, is_lost or is_unseen), following
 
     def _response(self, state: FaultGuardState, now: FaultGuardState, since: float) -> Response:
-        is_seen = now.fault is not None and _is_seen(now.fault)
-        is_held = state.response != "stop" and since < self.longest_hold and not is_seen
+        is_early = state.response != "stop" and since < self.longest_hold
+        is_held = is_early and not (now.fault and _is_seen(now.fault))
         return "hold" if self.policy == "hold" and is_held else "stop"
 
     def _within(self, state: FaultGuardState, now: FaultGuardState, tau: Array) -> Array:

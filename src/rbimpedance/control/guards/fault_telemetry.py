@@ -32,7 +32,8 @@ class GuardedOutput(ControllerOutput):
     Attributes:
         response: What the tick did.
         fault: Why; None while all is well. While a fault is over but not for long enough, the last one.
-        brakes_requested: The guard has been blind for too long, its torque decays to zero: only brakes hold the arm.
+        brakes_requested: The guard has been blind for too long and its torque decays to zero: only brakes hold the arm.
+            Or torque has no effect and the position is bitwise constant: brakes hold the arm, or a sensor is frozen.
     """
 
     response: Response = "run"
