@@ -423,5 +423,5 @@ def _is_seen(fault: Fault) -> bool:
 
 
 def _is_idle(fault: Fault | None) -> bool:
-    """Whether the torque has no effect: whatever comes on top, the arm first has to move again."""
+    """Whether the torque has no effect; other faults do not end that."""
     return fault is not None and fault.kind == "no effect"
