@@ -404,6 +404,24 @@ def test_measured_periods_are_handed_on_and_long_pauses_are_no_error() -> None:
     assert np.isfinite(output.tau).all()
 
 
+def test_late_ticks_of_a_fast_motion_are_no_jump_of_the_reference() -> None:
+    """A reference at 150 rad/s, every fifth tick late by 9 periods: the torque is the controller's own."""
+    arm = rbi.load_robot("two_link")
+    controller = law(arm)
+    guard = FaultGuard(
+        controller, "raise", range=OperatingRange(arm, lower=-np.inf, upper=np.inf, velocity=200.0)
+    )
+    state, inner, q = guard.init(), controller.init(), arm.neutral
+    speed, zero = np.full(2, 150.0), np.zeros(2)
+    for k in range(40):
+        period = 10.0 * DT if k % 5 == 4 else DT
+        q = arm.integrate(q, period * speed)
+        given = q, speed, Reference(q, speed, zero), zero, period
+        output, state = guard.step(state, *given)
+        alone, inner = controller.step(inner, *given)
+        assert_array_equal(output.tau, alone.tau)
+
+
 @pytest.mark.parametrize("period", [0.0, -1.0, np.nan, np.inf, "soon"])
 def test_period_that_cannot_be_is_a_fault(period: Any) -> None:
     arm = rbi.load_robot("two_link")
