@@ -403,13 +403,19 @@ def test_ticks_can_be_pickled(rng: np.random.Generator) -> None:
     assert_array_equal(again[0].tau, answer[0].tau)
 
 
-def test_unknown_surfaces_are_not_packed() -> None:
+def test_parts_with_methods_of_their_own_are_not_packed() -> None:
     class Mine(rbi.PowerSurface):
-        pass
+        def value(self, e1: Array, e2: Array) -> Array:
+            return 2.0 * super().value(e1, e2)
+
+    class Restless(rbi.SuperTwisting):
+        def anti_windup(self, state: Any, following: Any, unrealised_u: Array, dt: float) -> Any:
+            return following
 
     reaching = rbi.SuperTwisting(8.0, 10.0)
     assert can_pack(SURFACES["power"], reaching)
     assert not can_pack(Mine(3.0, 1.5), reaching)
+    assert not can_pack(SURFACES["power"], Restless(8.0, 10.0))
     assert not can_pack(SURFACES["power"], object())
 
 

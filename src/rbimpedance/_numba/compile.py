@@ -60,12 +60,7 @@ def kernel(
         nogil: Whether it runs without the interpreter's lock.
     """
     dispatcher = njit(nogil=nogil, **_RULES)(function)
-    try:
-        dispatcher._cache = _PackageCache(function)
-    except RuntimeError:
-        warn_once(
-            "compiling again in every process, since no folder can be written to; set NUMBA_CACHE_DIR"
-        )
+    keep_on_disk(dispatcher, function)
     dispatcher.compile(returns(*arguments))
     _KEPT_ALIVE.append(dispatcher)
     entry: Callable[..., Any] = dispatcher.overloads[arguments].entry_point
@@ -76,12 +71,32 @@ _KEPT_ALIVE: list[Any] = []
 """An entry point does not own the machine code that it jumps to."""
 
 
+def keep_on_disk(compiler: Any, function: Callable[..., Any], formula: str | None = None) -> None:
+    """Let Numba's compiler of a function load and save the machine code.
+
+    Args:
+        compiler: The compiler.
+        function: What it compiles.
+        formula: Name of the formula that the function contains, if it is a closure around one.
+    """
+    try:
+        compiler._cache = _PackageCache(function)
+    except RuntimeError:
+        warn_once(
+            "compiling again in every process, since no folder can be written to; set NUMBA_CACHE_DIR"
+        )
+    else:
+        compiler._cache.formula = formula
+
+
 class _PackageCache(FunctionCache):  # type: ignore[misc]
     """Numba's cache on disk, keyed by the sources of compiled code and all module addresses; a damaged one is replaced.
 
     Numba itself looks only at the file that holds the kernel, and would miss a change in a helper's. Machine code from
     before a module moved names classes by their old addresses, which ends the process.
     """
+
+    formula: str | None = None
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the compiled function, or None where it has to be compiled, which is logged."""
@@ -97,13 +112,15 @@ class _PackageCache(FunctionCache):  # type: ignore[misc]
         return known
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
-        return (str(sig), *super()._index_key(sig, codegen)[1:], _sources())
+        target, contents = super()._index_key(sig, codegen)[1:]
+        return str(sig), target, self.formula or contents, _sources()
 
 
 @functools.cache
 def _sources() -> str:
     package = Path(__file__).parents[1]
-    files = sorted([*package.glob("_numba/**/*.py"), *package.glob("*/compiled/*.py")])
+    patterns = "_numba/**/*.py", "law/*.py", "*/compiled/*.py"
+    files = sorted(file for pattern in patterns for file in package.glob(pattern))
     places = sorted(str(file.relative_to(package)) for file in package.rglob("*.py"))
     found = [*(file.read_bytes() for file in files), *map(str.encode, places)]
     return hashlib.sha256(b"".join(found)).hexdigest()

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array
-from ..law.bounded_surface import clipped
+from ..law.bounded_surface import clipped, surface_terms
 from ..law.impedance import TargetFilter
 from ..law.limits import Allocation, Limits
 from ..law.super_twisting import ReachingState, SuperTwisting
@@ -62,11 +62,10 @@ def numpy_tick(
     given = Measured(q, v, reference, tau_ext)
     q, v, tau_ext, _, q_r, v_r, a_r, e1, e2 = track(arm, target, q_e, v_e, given)  # eqs. (3), (4)
 
-    s = surface.value(e1, e2)  # eq. (6)
+    s, feedforward, gain = surface_terms(surface, e1, e2, dt)  # eqs. (6), (7)
     before = _reaching_state(reaching, state, s)
-    u, after = reaching.step(s, before, dt)  # eq. (8)
-    gain = surface.zoh_gain(e1, dt)
-    a = a_r + (surface.feedforward(e1, e2) + u) / gain
+    u, after = reaching.step(s, before, dt)
+    a = a_r + (feedforward + u) / gain  # eq. (8)
     tau = model_torque(arm, model, q, v, a) - tau_ext  # eq. (8)
     allocation = _within_limits(law, state, q, tau)
     unrealised_u = gain * allocation.acceleration_deficit

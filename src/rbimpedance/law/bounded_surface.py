@@ -12,7 +12,13 @@ from .._common.brief import brief_repr
 from .._common.deprecation import renamed_arguments, renamed_attribute
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
-from .surfaces import Surface
+from .formulas import clip, elementwise
+from .surfaces import Surface, terms
+
+
+def at_bound(e1: float, bound: float, feedforward: float, zoh_gain: float) -> tuple[float, float]:
+    """Feed-forward and gain of a bounded surface, from those of the surface: beyond the bound s is constant in e1."""
+    return (0.0, 1.0) if abs(e1) > bound else (feedforward, zoh_gain)
 
 
 @brief_repr()
@@ -76,7 +82,7 @@ class BoundedSurface:
             e1: Position error, shape (nv,).
             e2: Velocity error, shape (nv,).
         """
-        return np.where(self.clipped(e1), 0.0, self.surface.feedforward(self._seen(e1), e2))
+        return self.terms(e1, e2, 0.0)[1]
 
     def zoh_gain(self, e1: Array, dt: float) -> Array:
         """The surface's own within the bound; 1 beyond, where s does not change with e1, shape (nv,).
@@ -85,7 +91,19 @@ class BoundedSurface:
             e1: Position error, shape (nv,).
             dt: Control period [s].
         """
-        return np.where(self.clipped(e1), 1.0, self.surface.zoh_gain(self._seen(e1), dt))
+        return self.terms(e1, np.zeros_like(e1), dt)[2]
+
+    def terms(self, e1: Array, e2: Array, dt: float) -> tuple[Array, Array, Array]:
+        """Return `value`, `feedforward` and `zoh_gain` at once.
+
+        Args:
+            e1: Position error, shape (nv,).
+            e2: Velocity error, shape (nv,).
+            dt: Control period [s].
+        """
+        s, *own = terms(self.surface, self._seen(e1), e2, dt)
+        feedforward, zoh_gain = elementwise(at_bound, 2, e1, self.max_error, *own)
+        return s, feedforward, zoh_gain
 
     def sliding_time(self, e1: ArrayLike) -> Array:
         """Time on s = 0 until e1 has settled: at constant speed to the bound, then the surface's own [s].
@@ -114,7 +132,7 @@ class BoundedSurface:
         return self.surface.speed(self._seen(e1))
 
     def _seen(self, e1: ArrayLike) -> Array:
-        seen: Array = np.clip(e1, -self.max_error, self.max_error)
+        seen: Array = elementwise(clip, 1, e1, -self.max_error, self.max_error)
         return seen
 
     def _approach(self, end: Array, e1: ArrayLike) -> Array:
@@ -124,6 +142,15 @@ class BoundedSurface:
 
     error = renamed_attribute("error", "max_error")
     hold_gain = renamed_attribute("hold_gain", "zoh_gain")
+
+
+def surface_terms(surface: Surface, e1: Array, e2: Array, dt: float) -> tuple[Array, Array, Array]:
+    """Return s, feed-forward and gain of any surface; see `surfaces.terms`."""
+    return (
+        surface.terms(e1, e2, dt)
+        if isinstance(surface, BoundedSurface)
+        else terms(surface, e1, e2, dt)
+    )
 
 
 def clipped(surface: Surface, e1: Array) -> BoolArray:

@@ -1,27 +1,29 @@
 """The super-twisting reaching law and its discretisations.
 
-In continuous time, with ṡ = -u + w (paper, eqs. 8 and 9):
+In continuous time, with ṡ = -u + w (paper, eq. 9):
 
     u = k1·abs(s)^½·sgn(s) + k2·z,    ż = sgn(s)
 
 A sampled controller has to choose how to discretise the set-valued sign. Forward Euler ("explicit") chatters at every
 period; "matched" and "implicit" do not. docs/theory.md derives them, docs/schemes.md says when to choose which.
+Each is a function of this module, the formula of one joint: (s, z, x, a, dt, gains) to u and the next z, x, a.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, check_gains, gain, positive
+from .._common.arrays import Array, gain, positive
 from .._common.brief import brief_repr
 from .._common.deprecation import renamed_attribute
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
-from .surfaces import sig
+from .formulas import FormulaPart, clip, elementwise, sign
 
 Scheme: TypeAlias = Literal["explicit", "matched", "implicit"]
 """How the reaching law is discretised."""
@@ -47,10 +49,107 @@ class ReachingState(NamedTuple):
     a: Array
 
 
+Step: TypeAlias = tuple[float, float, float, float]
+"""u, and the next z, x and a."""
+
+
+def explicit(s: float, z: float, x: float, a: float, dt: float, k1: float, k2: float) -> Step:
+    """Forward Euler: z⁺ = z + h·sgn(s)."""
+    u = k1 * (sign(s) * math.sqrt(abs(s))) + k2 * z
+    return u, z + dt * sign(s), x, a
+
+
+def matched(
+    s: float, z: float, x: float, a: float, dt: float, k1: float, k2: float, margin: float
+) -> Step:
+    """Pole matching, after Koch and Reichhartinger; designed for the period margin·h."""
+    h, root = margin * dt, math.sqrt(abs(s))
+    d = abs(s) + h * k1 * root + h * h * k2
+    u = (k1 * root + 2.0 * h * k2) * s / d + k2 * z
+    return u, z + dt * s / d, x, a
+
+
+def implicit(s: float, z: float, x: float, a: float, dt: float, k1: float, k2: float) -> Step:
+    """Proper implicit discretisation, after Seeber and Andritsch (Automatica 173, 2025).
+
+    X⁺ + h·k1·sig(X⁺)^½ + h²·k2·Sgn(X⁺) ∋ b is a quadratic in abs(X⁺)^½.
+    """
+    h, b = dt, s + a
+    excess = max(abs(b) - h * h * k2, 0.0)
+    root = math.sqrt((h * k1 / 2.0) ** 2 + excess) - h * k1 / 2.0
+    x_next = sign(b) * (root * root)
+    k1_term = h * k1 * sign(b) * root
+    z_next = z + h * clip(b / (h * h * k2), -1.0, 1.0)
+    u = k1_term / h + k2 * z_next - (x - s) / h
+    return u, z_next, x_next, x_next - x + k1_term
+
+
+_FORMULAS = {"explicit": explicit, "matched": matched, "implicit": implicit}
+
+
+def rested(z: float, z_next: float, unrealised_u: float) -> float:
+    """The next z where a torque limit withholds part of u: z rests where its step would add to that part."""
+    return z if (z_next - z) * unrealised_u > 0.0 else z_next
+
+
+def corrected_x(
+    x_next: float, z_next: float, z_rested: float, unrealised_u: float, dt: float, k2: float
+) -> float:
+    """X⁺ of the implicit scheme there: what s will be off it because of the limit is known, and belongs into it."""
+    return x_next + dt * (unrealised_u - k2 * (z_next - z_rested))
+
+
+class FormulaReaching(FormulaPart):
+    """A reaching law by its formula for one joint: (s, z, x, a, dt, *gains) to u and the next z, x and a.
+
+    Every backend computes it: NumPy joint by joint, the others in compiled code. A reaching law of one's own derives
+    from it (docs/how-to/own-law.md).
+    """
+
+    def start(self, s: Array) -> ReachingState:
+        """Return the state before the first tick.
+
+        Args:
+            s: Sliding variable at the first tick, shape (nv,).
+        """
+        return ReachingState(z=np.zeros_like(s), x=s.copy(), a=np.zeros_like(s))
+
+    def step(self, s: Array, state: ReachingState, dt: float) -> tuple[Array, ReachingState]:
+        """Return the reaching term u and the next state.
+
+        Args:
+            s: Sliding variable, shape (nv,).
+            state: Memory from the tick before.
+            dt: Control period [s].
+
+        Returns:
+            u, shape (nv,) [rad/s²], and the state for the next tick.
+        """
+        u, *following = elementwise(self.formula, 4, s, *state, dt, *self.gains.values())
+        return u, ReachingState(*following)
+
+    def anti_windup(
+        self, state: ReachingState, following: ReachingState, unrealised_u: Array, dt: float
+    ) -> ReachingState:
+        """Return the next state where a torque limit withholds part of u.
+
+        z rests where its step would add to `unrealised_u`. With the matched scheme k2·z therefore never passes the
+        reaching term that the torque realises; docs/schemes.md has the proof and the alternatives that were measured.
+
+        Args:
+            state: Memory before the tick.
+            following: The next state that `step` returned.
+            unrealised_u: u less the reaching term that the torque realises, shape (nv,); zero where nothing saturates.
+            dt: Control period [s].
+        """
+        del dt
+        return following._replace(z=elementwise(rested, 1, state.z, following.z, unrealised_u))
+
+
 @brief_repr("k1", "k2", "scheme")
 @dataclass(frozen=True, eq=False, init=False)
-class SuperTwisting:
-    """Super-twisting with gains per joint (paper, eq. 8) in a chosen discretisation.
+class SuperTwisting(FormulaReaching):
+    """Super-twisting with gains per joint, the paper's reaching law, in a chosen discretisation.
 
     Attributes:
         k1: Gain of the root, scalar or (nv,) [rad^½/s^(3/2)].
@@ -87,87 +186,23 @@ class SuperTwisting:
             raise ParameterError(
                 "margin", margin, f"1 with the {scheme!r} scheme; only 'matched' has a margin"
             )
-        set_fields(self, k1=positive("k1", k1), k2=positive("k2", k2), scheme=scheme, margin=margin)
-
-    def check(self, nv: int) -> None:
-        """Check that the gains are for nv joints.
-
-        Raises:
-            DimensionError: One is not.
-        """
-        check_gains(self, nv, k1=self.k1, k2=self.k2, margin=self.margin)
-
-    def start(self, s: Array) -> ReachingState:
-        """Return the state before the first tick.
-
-        Args:
-            s: Sliding variable at the first tick, shape (nv,).
-        """
-        return ReachingState(z=np.zeros_like(s), x=s.copy(), a=np.zeros_like(s))
-
-    def step(self, s: Array, state: ReachingState, dt: float) -> tuple[Array, ReachingState]:
-        """Return the reaching term u of eq. (8) and the next state.
-
-        Args:
-            s: Sliding variable, shape (nv,).
-            state: Memory from the tick before.
-            dt: Control period [s].
-
-        Returns:
-            u, shape (nv,) [rad/s²], and the state for the next tick.
-        """
-        if self.scheme == "explicit":
-            return self._explicit(s, state, dt)
-        if self.scheme == "matched":
-            return self._matched(s, state, dt)
-        return self._implicit(s, state, dt)
+        set_fields(
+            self,
+            k1=positive("k1", k1),
+            k2=positive("k2", k2),
+            scheme=scheme,
+            margin=margin,
+            formula=_FORMULAS[scheme],
+        )
 
     def anti_windup(
         self, state: ReachingState, following: ReachingState, unrealised_u: Array, dt: float
     ) -> ReachingState:
-        """Return the next state where a torque limit withholds part of u.
-
-        z rests where its step would add to `unrealised_u`. With the matched scheme k2·z therefore never passes the
-        reaching term that the torque realises; docs/schemes.md has the proof and the alternatives that were measured.
-
-        Args:
-            state: Memory before the tick.
-            following: The next state that `step` returned.
-            unrealised_u: u less the reaching term that the torque realises, shape (nv,); zero where nothing saturates.
-            dt: Control period [s].
-        """
-        z = np.where((following.z - state.z) * unrealised_u > 0.0, state.z, following.z)
+        """See `FormulaReaching.anti_windup`; the implicit scheme corrects x, too."""
+        rest = super().anti_windup(state, following, unrealised_u, dt)
         if self.scheme != "implicit":
-            return following._replace(z=z)
-        # What s will be off its prediction X⁺ because of the limit is known: it belongs into X⁺.
-        x = following.x + dt * (unrealised_u - self.k2 * (following.z - z))
-        return following._replace(z=z, x=x)
-
-    def _explicit(self, s: Array, state: ReachingState, dt: float) -> tuple[Array, ReachingState]:
-        """Forward Euler: z⁺ = z + h·sgn(s)."""
-        u = self.k1 * sig(s, 0.5) + self.k2 * state.z
-        return u, state._replace(z=state.z + dt * np.sign(s))
-
-    def _matched(self, s: Array, state: ReachingState, dt: float) -> tuple[Array, ReachingState]:
-        """Pole matching, after Koch and Reichhartinger; designed for the period margin·h."""
-        k1, k2, h = self.k1, self.k2, self.margin * dt
-        root = np.sqrt(np.abs(s))
-        d = np.abs(s) + h * k1 * root + h**2 * k2
-        u = (k1 * root + 2.0 * h * k2) * s / d + k2 * state.z
-        return u, state._replace(z=state.z + dt * s / d)
-
-    def _implicit(self, s: Array, state: ReachingState, dt: float) -> tuple[Array, ReachingState]:
-        """Proper implicit discretisation, after Seeber and Andritsch (Automatica 173, 2025)."""
-        k1, k2, h = self.k1, self.k2, dt
-        b = s + state.a
-        excess = np.maximum(np.abs(b) - h**2 * k2, 0.0)
-        # X⁺ + h·k1·sig(X⁺)^½ + h²·k2·Sgn(X⁺) ∋ b, a quadratic in abs(X⁺)^½
-        root = np.sqrt((h * k1 / 2.0) ** 2 + excess) - h * k1 / 2.0
-        x_next = np.sign(b) * root**2
-        k1_term = h * k1 * np.sign(b) * root
-        xi = np.clip(b / (h**2 * k2), -1.0, 1.0)
-        z_next = state.z + h * xi
-        u = k1_term / h + k2 * z_next - (state.x - s) / h
-        return u, ReachingState(z=z_next, x=x_next, a=x_next - state.x + k1_term)
+            return rest
+        given = following.x, following.z, rest.z, unrealised_u, dt, self.k2
+        return rest._replace(x=elementwise(corrected_x, 1, *given))
 
     without_windup = renamed_attribute("without_windup", "anti_windup")

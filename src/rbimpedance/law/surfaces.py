@@ -1,27 +1,91 @@
 """Sliding surfaces s(e1, e2): what the errors do once the reaching law has brought s to zero.
 
 Every surface gives the variable s, the feed-forward that makes s obey the reaching law, and the time that its
-sliding motion takes. Notation: sig(x)^p = sign(x)·abs(x)^p, elementwise.
+sliding motion takes. The formula of each, for one joint, is a function of this module; the classes add gains and times.
+Notation: sig(x)^p = sign(x)·abs(x)^p, elementwise.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, check_gains, gain, positive
+from .._common.arrays import Array, gain, positive
 from .._common.brief import brief_repr
 from .._common.deprecation import renamed_attribute
 from .._common.frozen import set_fields
+from .formulas import FormulaPart, elementwise, signed_power
 
 
-def sig(x: Array, p: Array | float) -> Array:
+def sig(x: ArrayLike, p: ArrayLike) -> Array:
     """Return sign(x)·abs(x)^p, elementwise."""
-    power: Array = np.sign(x) * np.abs(x) ** p
+    power: Array = elementwise(signed_power, 1, x, p)
     return power
+
+
+def power_formula(
+    e1: float,
+    e2: float,
+    dt: float,  # noqa: ARG001 (every formula takes it)
+    gamma: float,
+    exponent: float,
+) -> tuple[float, float, float]:
+    """Give s = γ·sig(e1)^p + e2, and the rate γ·p·abs(e1)^(p-1)·e2 of its e1 part (paper, eqs. 6 and 7).
+
+    The gain is 1: the paper's law is kept as printed, and this surface is flat where e1 is small.
+    """
+    power = abs(e1) ** (exponent - 1.0)
+    return gamma * (power * e1) + e2, gamma * exponent * power * e2, 1.0
+
+
+def fast_terminal_formula(
+    e1: float,
+    e2: float,
+    dt: float,
+    rate: float,
+    gamma: float,
+    exponent: float,
+    smoothing: float,
+    inner_slope: float,
+    inner_curve: float,
+) -> tuple[float, float, float]:
+    """Give s = e2 + λ·e1 + γ·φ(e1), the rate c·e2 of its e1 part, c = λ + γ·φ'(e1), and the gain 1 + c·dt/2.
+
+    φ(e1) = sig(e1)^α outside abs(e1) ≤ ε; inside it is inner_slope·e1 + inner_curve·sign(e1)·e1².
+
+    An acceleration A held for dt changes e2 by -A·dt and e1 by e2·dt - A·dt²/2, hence s by c·e2·dt - A·(1 + c·dt/2)·dt.
+    With A = (feedforward + u)/(1 + c·dt/2) that is -u·dt, as the schemes assume. Undivided, the gain is too high by
+    34 % at dt = 10 ms, λ = 2, γ = 3, α = 0.6 and ε = 1e-3, which the implicit scheme does not tolerate.
+    """
+    size = abs(e1)
+    if size <= smoothing:
+        phi = inner_slope * e1 + inner_curve * e1 * size
+        phi_slope = inner_slope + 2.0 * inner_curve * size
+    else:
+        power = size ** (exponent - 1.0)
+        phi, phi_slope = power * e1, exponent * power
+    slope = rate + gamma * phi_slope
+    return e2 + rate * e1 + gamma * phi, slope * e2, 1.0 + slope * dt / 2.0
+
+
+def nonsingular_terminal_formula(
+    e1: float,
+    e2: float,
+    dt: float,  # noqa: ARG001 (every formula takes it)
+    beta: float,
+    exponent: float,
+) -> tuple[float, float, float]:
+    """Give s = e1 + sig(e2)^p/β, and (β/p)·sig(e2)^(2-p), with which ṡ = -(p/β)·abs(e2)^(p-1)·u.
+
+    The gain is 1: that of s depends on e2 and vanishes with it, and nothing may be divided by it.
+    """
+    if e2 == 0.0:
+        return e1, 0.0, 1.0
+    power = abs(e2) ** (exponent - 1.0)
+    return e1 + power * e2 / beta, beta / exponent * (e2 / power), 1.0
 
 
 class Surface(Protocol):
@@ -52,10 +116,88 @@ class Surface(Protocol):
         """Speed abs(e2) on s = 0 [rad/s or m/s]."""
 
 
+class FormulaSurface(FormulaPart):
+    """A surface by its formula for one joint: (e1, e2, dt, *gains) to s, feed-forward and gain.
+
+    Every backend computes it: NumPy joint by joint, the others in compiled code. A surface of one's own derives from it
+    (docs/how-to/own-law.md); it adds `sliding_time` and `time_to` where certificates or tuning are wanted.
+    """
+
+    def value(self, e1: Array, e2: Array) -> Array:
+        """Sliding variable s, shape (nv,).
+
+        Args:
+            e1: Position error q_r (-) q, shape (nv,) [rad or m].
+            e2: Velocity error v_r - v, shape (nv,) [rad/s or m/s].
+        """
+        return self.terms(e1, e2, 0.0)[0]
+
+    def feedforward(self, e1: Array, e2: Array) -> Array:
+        """Acceleration that cancels the surface's own drift, shape (nv,) [rad/s² or m/s²].
+
+        Args:
+            e1: Position error, shape (nv,).
+            e2: Velocity error, shape (nv,).
+        """
+        return self.terms(e1, e2, 0.0)[1]
+
+    def zoh_gain(self, e1: Array, dt: float) -> Array:
+        """Gain of s to an acceleration held for dt, relative to the continuous one, shape (nv,).
+
+        Args:
+            e1: Position error, shape (nv,).
+            dt: Control period [s].
+        """
+        return self.terms(e1, 0.0, dt)[2]
+
+    def speed(self, e1: ArrayLike) -> Array:
+        """abs(e2) on s = 0 [rad/s or m/s]; here for surfaces with s = e2 + (a function of e1).
+
+        Args:
+            e1: Position error [rad or m].
+        """
+        return np.abs(self.terms(e1, 0.0, 0.0)[0])
+
+    def terms(self, e1: ArrayLike, e2: ArrayLike, dt: float) -> tuple[Array, Array, Array]:
+        """Return `value`, `feedforward` and `zoh_gain` at once.
+
+        Args:
+            e1: Position error, shape (nv,).
+            e2: Velocity error, shape (nv,).
+            dt: Control period [s].
+        """
+        results: tuple[Array, Array, Array] = elementwise(
+            self.formula, 3, e1, e2, dt, *self.gains.values()
+        )
+        return results
+
+
+def has_formula(surface: object) -> bool:
+    """Whether a surface is what its formula says: its class has no other `value`, `feedforward` or `zoh_gain`."""
+    return isinstance(surface, FormulaSurface) and all(
+        getattr(type(surface), name) is getattr(FormulaSurface, name)
+        for name in ("value", "feedforward", "zoh_gain", "terms")
+    )
+
+
+def terms(surface: Surface, e1: Array, e2: Array, dt: float) -> tuple[Array, Array, Array]:
+    """Return s, feed-forward and gain of any surface, of one with a formula at the cost of one of them.
+
+    Args:
+        surface: The surface.
+        e1: Position error, shape (nv,).
+        e2: Velocity error, shape (nv,).
+        dt: Control period [s].
+    """
+    if isinstance(surface, FormulaSurface) and has_formula(surface):
+        return surface.terms(e1, e2, dt)
+    return surface.value(e1, e2), surface.feedforward(e1, e2), surface.zoh_gain(e1, dt)
+
+
 @brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
-class PowerSurface:
-    """The paper's surface, s = γ·sig(e1)^p + e2 (paper, eq. 6).
+class PowerSurface(FormulaSurface):
+    """The paper's surface, s = γ·sig(e1)^p + e2.
 
     On s = 0 the error decays like t^(-1/(p-1)): it never settles in finite time.
 
@@ -69,6 +211,7 @@ class PowerSurface:
 
     gamma: Array
     exponent: Array
+    formula = staticmethod(power_formula)
 
     def __init__(self, gamma: ArrayLike, exponent: ArrayLike) -> None:
         set_fields(
@@ -76,44 +219,6 @@ class PowerSurface:
             gamma=positive("gamma", gamma),
             exponent=_strictly_between("exponent", exponent, 1.0, 2.0),
         )
-
-    def check(self, nv: int) -> None:
-        """Check that the gains are for nv joints.
-
-        Raises:
-            DimensionError: One is not.
-        """
-        check_gains(self, nv, gamma=self.gamma, exponent=self.exponent)
-
-    def value(self, e1: Array, e2: Array) -> Array:
-        """Sliding variable (paper, eq. 6), shape (nv,) [rad/s or m/s].
-
-        Args:
-            e1: Position error q_r (-) q, shape (nv,) [rad or m].
-            e2: Velocity error v_r - v, shape (nv,) [rad/s or m/s].
-        """
-        return self.gamma * sig(e1, self.exponent) + e2
-
-    def feedforward(self, e1: Array, e2: Array) -> Array:
-        """γ·p·abs(e1)^(p-1)·e2, the rate of the e1 part (paper, eqs. 7 and 8), shape (nv,) [rad/s²].
-
-        Args:
-            e1: Position error, shape (nv,).
-            e2: Velocity error, shape (nv,).
-        """
-        p = self.exponent
-        rate: Array = self.gamma * p * np.abs(e1) ** (p - 1.0) * e2
-        return rate
-
-    def zoh_gain(self, e1: Array, dt: float) -> Array:
-        """1: the paper's law is kept as printed, and this surface is flat where e1 is small.
-
-        Args:
-            e1: Position error, shape (nv,).
-            dt: Control period [s].
-        """
-        del dt
-        return np.ones_like(e1)
 
     def sliding_time(self, e1: ArrayLike) -> Array:
         """Infinite, except from e1 = 0: this surface has no finite-time convergence.
@@ -137,21 +242,10 @@ class PowerSurface:
         time: Array = (tolerance ** (1.0 - p) - start ** (1.0 - p)) / (self.gamma * (p - 1.0))
         return time
 
-    def speed(self, e1: ArrayLike) -> Array:
-        """abs(e2) on s = 0 [rad/s or m/s].
-
-        Args:
-            e1: Position error [rad or m].
-        """
-        e1 = np.asarray(e1, dtype=np.float64)
-        return np.abs(self.value(e1, np.zeros_like(e1)))
-
-    hold_gain = renamed_attribute("hold_gain", "zoh_gain")
-
 
 @brief_repr("rate", "gamma", "exponent")
 @dataclass(frozen=True, eq=False, init=False)
-class FastTerminalSurface:
+class FastTerminalSurface(FormulaSurface):
     """Finite-time and nonsingular: s = e2 + λ·e1 + γ·φ(e1).
 
     φ(e1) = sig(e1)^α outside abs(e1) ≤ ε; inside, the quadratic (2-α)ε^(α-1)·e1 + (α-1)ε^(α-2)·sign(e1)·e1², which
@@ -176,6 +270,8 @@ class FastTerminalSurface:
     gamma: Array
     exponent: Array
     smoothing: Array
+    _inner: tuple[Array, Array] = field(init=False)
+    formula = staticmethod(fast_terminal_formula)
 
     def __init__(
         self,
@@ -184,68 +280,26 @@ class FastTerminalSurface:
         exponent: ArrayLike = 0.6,
         smoothing: ArrayLike = 1e-3,
     ) -> None:
+        alpha = _strictly_between("exponent", exponent, 0.5, 1.0)
+        eps = positive("smoothing", smoothing)
         set_fields(
             self,
             rate=positive("rate", rate),
             gamma=positive("gamma", gamma),
-            exponent=_strictly_between("exponent", exponent, 0.5, 1.0),
-            smoothing=positive("smoothing", smoothing),
+            exponent=alpha,
+            smoothing=eps,
+            _inner=((2.0 - alpha) * eps ** (alpha - 1.0), (alpha - 1.0) * eps ** (alpha - 2.0)),
         )
 
-    def check(self, nv: int) -> None:
-        """Check that the gains are for nv joints.
+    @property
+    def inner_slope(self) -> Array:
+        """(2-α)·ε^(α-1), the slope of φ at 0."""
+        return self._inner[0]
 
-        Raises:
-            DimensionError: One is not.
-        """
-        check_gains(
-            self,
-            nv,
-            rate=self.rate,
-            gamma=self.gamma,
-            exponent=self.exponent,
-            smoothing=self.smoothing,
-        )
-
-    def value(self, e1: Array, e2: Array) -> Array:
-        """Sliding variable, shape (nv,) [rad/s or m/s].
-
-        Args:
-            e1: Position error q_r (-) q, shape (nv,) [rad or m].
-            e2: Velocity error v_r - v, shape (nv,) [rad/s or m/s].
-        """
-        alpha, eps = self.exponent, self.smoothing
-        inner = (2.0 - alpha) * eps ** (alpha - 1.0) * e1 + (alpha - 1.0) * eps ** (
-            alpha - 2.0
-        ) * e1 * np.abs(e1)
-        phi = np.where(np.abs(e1) <= eps, inner, sig(e1, alpha))
-        s: Array = e2 + self.rate * e1 + self.gamma * phi
-        return s
-
-    def feedforward(self, e1: Array, e2: Array) -> Array:
-        """(λ + γ·φ'(e1))·e2, the rate of the e1 part, shape (nv,) [rad/s²].
-
-        Args:
-            e1: Position error, shape (nv,).
-            e2: Velocity error, shape (nv,).
-        """
-        rate: Array = self._slope(e1) * e2
-        return rate
-
-    def zoh_gain(self, e1: Array, dt: float) -> Array:
-        """1 + c·dt/2 with the slope c = λ + γ·φ'(e1), shape (nv,).
-
-        An acceleration A held for dt changes e2 by -A·dt and e1 by e2·dt - A·dt²/2, hence s by
-        c·e2·dt - A·(1 + c·dt/2)·dt. With A = (feedforward + u)/(1 + c·dt/2) that is -u·dt, as the schemes assume.
-        Undivided, the gain is too high by 34 % at dt = 10 ms, λ = 2, γ = 3, α = 0.6 and ε = 1e-3, which the implicit
-        scheme does not tolerate.
-
-        Args:
-            e1: Position error, shape (nv,).
-            dt: Control period [s].
-        """
-        gain: Array = 1.0 + self._slope(e1) * dt / 2.0
-        return gain
+    @property
+    def inner_curve(self) -> Array:
+        """(α-1)·ε^(α-2), what bends φ within ε."""
+        return self._inner[1]
 
     def sliding_time(self, e1: ArrayLike) -> Array:
         """Time on s = 0 until abs(e1) is at the smoothing radius ε, exact [s].
@@ -266,26 +320,6 @@ class FastTerminalSurface:
         outer = self._power_time(np.maximum(tolerance, self.smoothing), start)
         return outer + self._inner_time(tolerance, np.minimum(start, self.smoothing))
 
-    def speed(self, e1: ArrayLike) -> Array:
-        """abs(e2) on s = 0 [rad/s or m/s].
-
-        Args:
-            e1: Position error [rad or m].
-        """
-        e1 = np.asarray(e1, dtype=np.float64)
-        return np.abs(self.value(e1, np.zeros_like(e1)))
-
-    def _slope(self, e1: Array) -> Array:
-        """λ + γ·φ'(e1)."""
-        alpha, eps = self.exponent, self.smoothing
-        size = np.abs(e1)
-        inner = (2.0 - alpha) * eps ** (alpha - 1.0) + 2.0 * (alpha - 1.0) * eps ** (
-            alpha - 2.0
-        ) * np.minimum(size, eps)
-        outer = alpha * np.maximum(size, eps) ** (alpha - 1.0)
-        slope: Array = self.rate + self.gamma * np.where(size <= eps, inner, outer)
-        return slope
-
     def _power_time(self, end: Array, start: Array) -> Array:
         """Time of ė1 = -λ·e1 - γ·sig(e1)^α from start to end; 0 if already there."""
         lam, gamma, alpha = self.rate, self.gamma, self.exponent
@@ -296,19 +330,16 @@ class FastTerminalSurface:
 
     def _inner_time(self, end: float, start: Array) -> Array:
         """Time of ė1 = -a·e1 + b·e1² (within ε) from start to end, through its linear form in 1/e1."""
-        alpha, eps = self.exponent, self.smoothing
-        a = self.rate + self.gamma * (2.0 - alpha) * eps ** (alpha - 1.0)
-        b = self.gamma * (1.0 - alpha) * eps ** (alpha - 2.0)
+        a = self.rate + self.gamma * self.inner_slope
+        b = -self.gamma * self.inner_curve
         start = np.maximum(start, end)
         time: Array = np.log((1.0 / end - b / a) / (1.0 / start - b / a)) / a
-        return np.where(end < eps, time, 0.0)
-
-    hold_gain = renamed_attribute("hold_gain", "zoh_gain")
+        return np.where(end < self.smoothing, time, 0.0)
 
 
 @brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
-class NonsingularTerminalSurface:
+class NonsingularTerminalSurface(FormulaSurface):
     """The nonsingular terminal surface of Feng, Yu and Man (2002), s = e1 + sig(e2)^p/β.
 
     On s = 0 the error reaches zero in finite time. Off it s obeys ṡ = -(p/β)·abs(e2)^(p-1)·u: the gain of the
@@ -327,6 +358,7 @@ class NonsingularTerminalSurface:
 
     beta: Array
     exponent: Array
+    formula = staticmethod(nonsingular_terminal_formula)
 
     def __init__(self, beta: ArrayLike, exponent: ArrayLike) -> None:
         set_fields(
@@ -334,44 +366,6 @@ class NonsingularTerminalSurface:
             beta=positive("beta", beta),
             exponent=_strictly_between("exponent", exponent, 1.0, 2.0),
         )
-
-    def check(self, nv: int) -> None:
-        """Check that the gains are for nv joints.
-
-        Raises:
-            DimensionError: One is not.
-        """
-        check_gains(self, nv, beta=self.beta, exponent=self.exponent)
-
-    def value(self, e1: Array, e2: Array) -> Array:
-        """Sliding variable, shape (nv,) [rad or m].
-
-        Args:
-            e1: Position error q_r (-) q, shape (nv,) [rad or m].
-            e2: Velocity error v_r - v, shape (nv,) [rad/s or m/s].
-        """
-        s: Array = e1 + sig(e2, self.exponent) / self.beta
-        return s
-
-    def feedforward(self, e1: Array, e2: Array) -> Array:
-        """(β/p)·sig(e2)^(2-p): with it ṡ = -(p/β)·abs(e2)^(p-1)·u, shape (nv,) [rad/s²].
-
-        Args:
-            e1: Position error, shape (nv,).
-            e2: Velocity error, shape (nv,).
-        """
-        del e1
-        return self.beta / self.exponent * sig(e2, 2.0 - self.exponent)
-
-    def zoh_gain(self, e1: Array, dt: float) -> Array:
-        """1: here the gain of s depends on e2 and vanishes with it, and nothing may be divided by it.
-
-        Args:
-            e1: Position error, shape (nv,).
-            dt: Control period [s].
-        """
-        del dt
-        return np.ones_like(e1)
 
     def sliding_time(self, e1: ArrayLike) -> Array:
         """Time on s = 0 until e1 = 0, exact [s].

@@ -129,7 +129,8 @@ def proposal_data(proposal: GainProposal) -> dict[str, Any]:
         "k1": proposal.k1,
         "k2": proposal.k2,
         "margin": proposal.margin,
-        "surface": {"type": type(proposal.surface).__name__} | vars(proposal.surface),
+        "surface": {"type": type(proposal.surface).__name__}
+        | {name: x for name, x in vars(proposal.surface).items() if not name.startswith("_")},
         "model": {
             "payload": proposal.payload,
             "payload_com": uncertainty.payload_com.mean(axis=0),

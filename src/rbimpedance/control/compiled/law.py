@@ -1,7 +1,6 @@
-"""The formulas of a tick for one joint: filter, errors, surface, reaching law; and the tables that they read.
+"""The tables that a tick reads, and what it does joint by joint: filter, errors, surface, reaching law.
 
-They are those of `impedance`, `surfaces` and `super_twisting`, whose NumPy form is the specification, in strict IEEE
-arithmetic. A power that is needed twice is taken once.
+The formulas of surface and reaching law are those of `law`, compiled by `formulas`.
 """
 
 from __future__ import annotations
@@ -14,21 +13,29 @@ from numpy.typing import NDArray
 
 from ..._common.arrays import Array
 from ..._numba.compile import inline
+from ..._numba.formulas import call_loop, helper
+from ...law.bounded_surface import at_bound
 from ...robot.compiled.tables import CONTINUOUS, KIND, Q_INDEX, ArmTables
-from .block import A_R, FLAGS, NEXT_Q_E, NEXT_V_E, PAIR, Q_R, Q_R_SIN
+from .block import A_R, E1, FLAGS, NEXT_Q_E, NEXT_V_E, PAIR, Q_R, Q_R_SIN
 
 # Columns of `LawTables.gains`, one row a joint.
-DT, GAMMA, EXPONENT, RATE, SMOOTHING, INNER_SLOPE, INNER_CURVE, BETA = 0, 1, 2, 3, 4, 5, 6, 7
-K1, K2, MARGIN = 8, 9, 10
-EFFORT, TORQUE_STEP, SEEN = 11, 12, 13  # largest torque, change of it, and error; may be infinite
-GAINS = 14
+DT, K2 = 0, 1  # the second for the implicit scheme
+EFFORT, TORQUE_STEP, SEEN = 2, 3, 4  # largest torque, change of it, and error; may be infinite
+GAINS = 5
 
-# Entries of `LawTables.choices`.
-SURFACE, SCHEME, FILTER, KNOWLEDGE = 0, 1, 2, 3
-POWER, FAST_TERMINAL, NONSINGULAR_TERMINAL = 0, 1, 2
-EXPLICIT, MATCHED, IMPLICIT = 0, 1, 2
+# Entries of `LawTables.choices`; the first two are addresses, see `formulas`.
+SURFACE, REACHING, PREDICTS, FILTER, KNOWLEDGE = 0, 1, 2, 3, 4
+CHOICES = 5
 DECOUPLED, COUPLED, GIVEN = 0, 1, 2
 FULL, MASS_ONLY = 0, 1
+
+
+# Rows of `Scratch.joints`: two for the surface, which gives three; then four for the reaching law, which gives four.
+SEEN_E1, E2_ROW = 0, 1
+FEEDFORWARD, ZOH_GAIN, S_ROW = 2, 3, 4
+Z_ROW, X_ROW, A_ROW = 5, 6, 7
+U_ROW, Z_NEXT, X_NEXT, A_NEXT = 8, 9, 10, 11
+ROWS = 12
 
 
 class LawTables(NamedTuple):
@@ -36,12 +43,17 @@ class LawTables(NamedTuple):
 
     Attributes:
         gains: One row a joint, shape (nv, `GAINS`).
+        surface: Gains of the surface's formula, a row for each, shape (number of gains, nv).
+        reaching: Those of the reaching law's formula.
         filter: What takes (q_e, v_e, tau_ext) to a_e and the next q_e, v_e. Decoupled: nine numbers a joint, shape
             (nv, 9). Coupled: a column for each result, (3·nv, 3·nv). Given: not used, the block has them already.
-        choices: Surface, scheme, filter and knowledge, shape (1, 4).
+        choices: Loops of surface and reaching law, whether the latter predicts s, filter and knowledge, shape
+            (1, `CHOICES`).
     """
 
     gains: Array
+    surface: Array
+    reaching: Array
     filter: Array
     choices: NDArray[np.int64]
 
@@ -72,7 +84,7 @@ class Scratch(NamedTuple):
     Attributes:
         command: Acceleration that the torque is to bring about, shape (nv,).
         torque: Torque of the model for it, shape (nv,).
-        zoh_gain: Of the surface, shape (nv,).
+        joints: What surface and reaching law are given and give, shape (`ROWS`, nv).
         wanted: Torque before the limits, shape (nv,).
         acceleration_deficit: Acceleration withheld by them, shape (nv,).
         held: Whether the joint is held at its limit, 1 or 0, shape (nv,).
@@ -84,7 +96,7 @@ class Scratch(NamedTuple):
 
     command: Array
     torque: Array
-    zoh_gain: Array
+    joints: Array
     wanted: Array
     acceleration_deficit: Array
     held: Array
@@ -92,16 +104,6 @@ class Scratch(NamedTuple):
     factor: Array
     block: Array
     filtered: Array
-
-
-@inline
-def sign(x: float) -> float:
-    """-1, 0 or 1."""
-    if x > 0.0:
-        return 1.0
-    if x < 0.0:
-        return -1.0
-    return x
 
 
 @inline
@@ -126,99 +128,43 @@ def angle_between(cos0: float, sin0: float, cos1: float, sin1: float) -> float:
     return math.acos(cos) if sin >= 0.0 else -math.acos(cos)
 
 
-@inline
-def surface(law: LawTables, j: int, e1: float, e2: float) -> tuple[float, float, float]:
-    """S, feed-forward and hold gain of joint j (paper, eqs. 6 to 8); see `BoundedSurface` for the bound."""
-    bound = law.gains[j, SEEN]
-    seen = min(max(e1, -bound), bound)
-    s, feedforward, gain = _unbounded_surface(law, j, seen, e2)
-    if seen != e1:
-        return s, 0.0, 1.0
-    return s, feedforward, gain
+_at_bound = helper(at_bound)
 
 
 @inline
-def _unbounded_surface(law: LawTables, j: int, e1: float, e2: float) -> tuple[float, float, float]:
-    gains, kind = law.gains, law.choices[0, SURFACE]
-    if kind == POWER:
-        return _power_surface(gains, j, e1, e2)
-    if kind == FAST_TERMINAL:
-        return _fast_terminal_surface(gains, j, e1, e2)
-    return _nonsingular_terminal_surface(gains, j, e1, e2)
+def surface(law: LawTables, scratch: Scratch, block: Array, is_clipped: bool) -> None:
+    """Write s, feed-forward and gain of all joints.
+
+    Args:
+        law: The law.
+        scratch: With the errors that the surface sees.
+        block: With the errors.
+        is_clipped: Whether one is beyond the bound of a `BoundedSurface`.
+    """
+    joints, dt = scratch.joints, law.gains[0, DT]
+    call_loop(law.choices[0, SURFACE], joints, SEEN_E1, dt, law.surface, FEEDFORWARD)
+    if is_clipped:
+        for j in range(len(block)):
+            own = joints[FEEDFORWARD, j], joints[ZOH_GAIN, j]
+            given = _at_bound(block[j, E1], law.gains[j, SEEN], *own)
+            joints[FEEDFORWARD, j], joints[ZOH_GAIN, j] = given
 
 
 @inline
-def _power_surface(gains: Array, j: int, e1: float, e2: float) -> tuple[float, float, float]:
-    gamma, p = gains[j, GAMMA], gains[j, EXPONENT]
-    power = abs(e1) ** (p - 1.0)
-    return gamma * (power * e1) + e2, gamma * p * power * e2, 1.0
-
-
-@inline
-def _fast_terminal_surface(
-    gains: Array, j: int, e1: float, e2: float
-) -> tuple[float, float, float]:
-    size = abs(e1)
-    if size <= gains[j, SMOOTHING]:
-        phi = gains[j, INNER_SLOPE] * e1 + gains[j, INNER_CURVE] * e1 * size
-        phi_slope = gains[j, INNER_SLOPE] + 2.0 * gains[j, INNER_CURVE] * size
-    else:
-        power = size ** (gains[j, EXPONENT] - 1.0)
-        phi, phi_slope = power * e1, gains[j, EXPONENT] * power
-    slope = gains[j, RATE] + gains[j, GAMMA] * phi_slope
-    s = e2 + gains[j, RATE] * e1 + gains[j, GAMMA] * phi
-    return s, slope * e2, 1.0 + slope * gains[j, DT] / 2.0
-
-
-@inline
-def _nonsingular_terminal_surface(
-    gains: Array, j: int, e1: float, e2: float
-) -> tuple[float, float, float]:
-    beta, p = gains[j, BETA], gains[j, EXPONENT]
-    if e2 == 0.0:
-        return e1, 0.0, 1.0
-    power = abs(e2) ** (p - 1.0)
-    return e1 + power * e2 / beta, beta / p * (e2 / power), 1.0
-
-
-@inline
-def reaching(
-    law: LawTables, j: int, s: float, z: float, x: float, a: float
-) -> tuple[float, float, float, float]:
-    """U, and the next z, x and a, of joint j (paper, eq. 8)."""
-    gains, scheme = law.gains, law.choices[0, SCHEME]
-    dt, k1, k2 = gains[j, DT], gains[j, K1], gains[j, K2]
-    if scheme == EXPLICIT:
-        u = k1 * (sign(s) * math.sqrt(abs(s))) + k2 * z
-        return u, z + dt * sign(s), x, a
-    if scheme == MATCHED:
-        h, root = gains[j, MARGIN] * dt, math.sqrt(abs(s))
-        d = abs(s) + h * k1 * root + h * h * k2
-        u = (k1 * root + 2.0 * h * k2) * s / d + k2 * z
-        return u, z + dt * s / d, x, a
-    return _implicit(dt, k1, k2, s, z, x, a)
-
-
-@inline
-def _implicit(
-    h: float, k1: float, k2: float, s: float, z: float, x: float, a: float
-) -> tuple[float, float, float, float]:
-    b = s + a
-    excess = max(abs(b) - h * h * k2, 0.0)
-    root = math.sqrt((h * k1 / 2.0) ** 2 + excess) - h * k1 / 2.0
-    x_next = sign(b) * (root * root)
-    k1_term = h * k1 * sign(b) * root
-    xi = min(max(b / (h * h * k2), -1.0), 1.0)
-    z_next = z + h * xi
-    u = k1_term / h + k2 * z_next - (x - s) / h
-    return u, z_next, x_next, x_next - x + k1_term
+def reaching(law: LawTables, scratch: Scratch, starts: bool) -> None:
+    """Write u, and the next z, x and a, of all joints."""
+    joints, dt = scratch.joints, law.gains[0, DT]
+    if starts:
+        for j in range(joints.shape[1]):
+            joints[Z_ROW, j], joints[X_ROW, j], joints[A_ROW, j] = 0.0, joints[S_ROW, j], 0.0
+    call_loop(law.choices[0, REACHING], joints, S_ROW, dt, law.reaching, U_ROW)
 
 
 @inline
 def filter_step(
     law: LawTables, scratch: Scratch, j: int, state: Array, tau_ext: Array, block: Array
 ) -> tuple[float, float, float]:
-    """a_e, and the next q_e and v_e, of joint j (paper, eq. 3)."""
+    """a_e, and the next q_e and v_e, of joint j."""
     F, kind, n = law.filter, law.choices[0, FILTER], len(tau_ext)
     if kind == DECOUPLED:
         x, v, t = state[j, NEXT_Q_E], state[j, NEXT_V_E], tau_ext[j]
@@ -251,7 +197,7 @@ def _add_column(F: Array, k: int, factor: float, total: Array) -> None:
 
 @inline
 def position_error(arm: ArmTables, j: int, q: Array, q_d: Array, q_e: float, block: Array) -> float:
-    """Write q_r = q_d (+) q_e of joint j, and return e1 = q_r (-) q (paper, eq. 4)."""
+    """Write q_r = q_d (+) q_e of joint j, and return e1 = q_r (-) q."""
     i = arm.topology[j, Q_INDEX]
     if arm.topology[j, KIND] != CONTINUOUS:
         q_r = q_d[i] + q_e

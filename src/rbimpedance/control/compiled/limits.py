@@ -6,6 +6,8 @@ import math
 
 from ..._common.arrays import Array
 from ..._numba.compile import inline, routine
+from ..._numba.formulas import helper
+from ...law.super_twisting import corrected_x, rested
 from .block import (
     CLIPPED,
     FLAGS,
@@ -20,7 +22,9 @@ from .block import (
     U,
     Z,
 )
-from .law import DT, EFFORT, IMPLICIT, K2, SCHEME, TORQUE_STEP, LawTables, Scratch
+from .law import DT, EFFORT, K2, PREDICTS, TORQUE_STEP, ZOH_GAIN, LawTables, Scratch
+
+_rested, _corrected_x = helper(rested), helper(corrected_x)
 
 
 @routine
@@ -36,13 +40,12 @@ def within_limits(law: LawTables, scratch: Scratch, state: Array, block: Array) 
     n, gains, acceleration_deficit = len(scratch.wanted), law.gains, scratch.acceleration_deficit
     _allocate(law, scratch, state, block)
     for j in range(n):
-        unrealised_u = scratch.zoh_gain[j] * acceleration_deficit[j]
-        z, z_next = block[j, Z], block[j, NEXT_Z]
-        if (z_next - z) * unrealised_u > 0.0:
-            block[j, NEXT_Z] = z
-        if law.choices[0, SCHEME] == IMPLICIT:
-            block[j, NEXT_X] += gains[j, DT] * (
-                unrealised_u - gains[j, K2] * (z_next - block[j, NEXT_Z])
+        unrealised_u = scratch.joints[ZOH_GAIN, j] * acceleration_deficit[j]
+        z_next = block[j, NEXT_Z]
+        block[j, NEXT_Z] = _rested(block[j, Z], z_next, unrealised_u)
+        if law.choices[0, PREDICTS]:
+            block[j, NEXT_X] = _corrected_x(
+                block[j, NEXT_X], z_next, block[j, NEXT_Z], unrealised_u, gains[j, DT], gains[j, K2]
             )
         block[j, U] -= unrealised_u
         put_flags(law, j, state, block, unrealised_u == 0.0)

@@ -7,37 +7,33 @@ from typing import Any
 import numpy as np
 
 from ..._common.arrays import Array
+from ..._numba import warn_once
 from ...law.bounded_surface import BoundedSurface
+from ...law.formulas import FormulaPart
 from ...law.impedance import ImpedanceFilter, TargetFilter
 from ...law.super_twisting import SuperTwisting
-from ...law.surfaces import FastTerminalSurface, NonsingularTerminalSurface, PowerSurface, Surface
+from ...law.surfaces import Surface, has_formula
 from ..tick import ControlLaw
 from . import law as at
 from .block import COLUMNS
+from .formulas import is_formula, reaching_address, surface_address
 from .law import LawTables, Scratch
-
-_SURFACES: dict[type, tuple[int, dict[int, str]]] = {
-    PowerSurface: (at.POWER, {at.GAMMA: "gamma", at.EXPONENT: "exponent"}),
-    FastTerminalSurface: (
-        at.FAST_TERMINAL,
-        {
-            at.RATE: "rate",
-            at.GAMMA: "gamma",
-            at.EXPONENT: "exponent",
-            at.SMOOTHING: "smoothing",
-        },
-    ),
-    NonsingularTerminalSurface: (
-        at.NONSINGULAR_TERMINAL,
-        {at.BETA: "beta", at.EXPONENT: "exponent"},
-    ),
-}
-_SCHEMES = {"explicit": at.EXPLICIT, "matched": at.MATCHED, "implicit": at.IMPLICIT}
 
 
 def can_pack(surface: Surface, reaching: Any) -> bool:
-    """Whether the compiled law knows this surface and this reaching law; others stay with their own NumPy form."""
-    return type(_within_bound(surface)) in _SURFACES and type(reaching) is SuperTwisting
+    """Whether there are compiled formulas of surface and reaching law; otherwise their own methods compute them."""
+    inner = _within_bound(surface)
+    if not (has_formula(inner) and is_formula(reaching)):
+        return False
+    try:
+        surface_address(inner.formula)
+        reaching_address(reaching.formula)
+    except Exception as error:  # Numba has many
+        reason = str(error).splitlines()[0]
+        names = f"{inner.formula.__name__} and {reaching.formula.__name__}"
+        warn_once(f"one of the formulas {names} cannot be compiled: {reason}")
+        return False
+    return True
 
 
 def pack_law(law: ControlLaw) -> LawTables:
@@ -46,40 +42,43 @@ def pack_law(law: ControlLaw) -> LawTables:
     Args:
         law: One whose surface and reaching law `can_pack` knows.
     """
-    nv, surface, reaching, limits = law.arm.nv, law.surface, law.reaching, law.limits
+    nv, reaching, limits = law.arm.nv, law.reaching, law.limits
+    surface: Any = _within_bound(law.surface)
     gains = np.zeros((nv, at.GAINS))
     gains[:, [at.EFFORT, at.TORQUE_STEP, at.SEEN]] = np.inf
-    if isinstance(surface, BoundedSurface):
-        gains[:, at.SEEN] = surface.max_error
-    surface = _within_bound(surface)
-    kind, names = _SURFACES[type(surface)]
-    for column, name in names.items():
-        gains[:, column] = getattr(surface, name)
-    if kind == at.FAST_TERMINAL:
-        alpha, eps = gains[:, at.EXPONENT], gains[:, at.SMOOTHING]
-        gains[:, at.INNER_SLOPE] = (2.0 - alpha) * eps ** (alpha - 1.0)
-        gains[:, at.INNER_CURVE] = (alpha - 1.0) * eps ** (alpha - 2.0)
+    if isinstance(law.surface, BoundedSurface):
+        gains[:, at.SEEN] = law.surface.max_error
     gains[:, at.DT] = law.dt
-    gains[:, at.K1], gains[:, at.K2] = reaching.k1, reaching.k2
-    gains[:, at.MARGIN] = reaching.margin
+    predicts = isinstance(reaching, SuperTwisting) and reaching.scheme == "implicit"
+    if predicts:
+        gains[:, at.K2] = reaching.k2
     if limits is not None:
         gains[:, at.EFFORT], gains[:, at.TORQUE_STEP] = limits.effort, limits.rate * law.dt
     form, table = _pack_filter(law.filter, nv)
+    loops = surface_address(surface.formula), reaching_address(reaching.formula)
     knows = at.FULL if law.model == "full" else at.MASS_ONLY
-    choices = np.array([[kind, _SCHEMES[reaching.scheme], form, knows]])
-    return LawTables(gains, table, choices)
+    choices = np.array([[*loops, predicts, form, knows]], dtype=np.int64)
+    return LawTables(gains, _rows(surface, nv), _rows(reaching, nv), table, choices)
+
+
+def _rows(part: FormulaPart, nv: int) -> Array:
+    """Gains of a formula, a row for each."""
+    rows = np.zeros((len(part.gains), nv))
+    for row, value in zip(rows, part.gains.values(), strict=True):
+        row[:] = value
+    return rows
 
 
 def scratch(nv: int) -> Scratch:
     """Return what a tick of nv joints writes besides its output."""
-    command, torque, zoh_gain, wanted, acceleration_deficit, held = np.zeros((6, nv))
-    mass, factor = np.zeros((2, nv, nv))
+    command, torque, wanted, acceleration_deficit, held = np.zeros((5, nv))
+    joints, mass, factor = np.zeros((at.ROWS, nv)), *np.zeros((2, nv, nv))
     block, filtered = np.zeros((nv, COLUMNS)), np.zeros(3 * nv)
-    vectors = command, torque, zoh_gain, wanted, acceleration_deficit, held
-    return Scratch(*vectors, mass, factor, block, filtered)
+    limited = wanted, acceleration_deficit, held, mass, factor
+    return Scratch(command, torque, joints, *limited, block, filtered)
 
 
-def _within_bound(surface: Surface) -> Surface:
+def _within_bound(surface: Surface) -> Any:
     return surface.surface if type(surface) is BoundedSurface else surface
 
 

@@ -10,6 +10,7 @@ from numba import types
 
 from ..._common.arrays import Array
 from ..._numba.compile import inline, kernel, routine
+from ..._numba.formulas import helper
 from ..._numba.layouts.objects import (
     DONE,
     NOTHING,
@@ -20,6 +21,7 @@ from ..._numba.layouts.objects import (
     returner,
 )
 from ..._numba.layouts.tables import Held, opened
+from ...law.formulas import clip
 from ...robot.compiled import rigid_body
 from ...robot.compiled.dynamics import ARM, OWN_INTEGERS, OWN_MATRIX, OWN_VECTOR, SPACE, VECTOR_IN
 from ...robot.compiled.rigid_body import friction, place_joints
@@ -50,11 +52,23 @@ from .block import (
     Z,
 )
 from .law import (
+    A_NEXT,
+    A_ROW,
     COUPLED,
+    E2_ROW,
+    FEEDFORWARD,
     FILTER,
     FULL,
     KNOWLEDGE,
+    S_ROW,
     SEEN,
+    SEEN_E1,
+    U_ROW,
+    X_NEXT,
+    X_ROW,
+    Z_NEXT,
+    Z_ROW,
+    ZOH_GAIN,
     LawTables,
     Scratch,
     TickInputs,
@@ -65,6 +79,8 @@ from .law import (
     surface,
 )
 from .limits import bounds, put_flags, within_limits
+
+_clip = helper(clip)
 
 WITHIN, EXCEEDED = 0, 1
 """Whether the torque of the law is within the limits."""
@@ -139,35 +155,49 @@ def before_torque(
     Args:
         arm: The arm.
         law: The law.
-        scratch: Where the command and the hold gain go.
+        scratch: Where the command and the results of surface and reaching law go.
         state: Block of the tick before.
         given: Sound measurements.
         block: Block of this tick; with a filter that is given, it holds a_e and the next q_e and v_e.
     """
+    is_clipped = _follow(arm, law, scratch, state, given, block)  # eqs. (3), (4)
+    surface(law, scratch, block, is_clipped)  # eqs. (6), (7)
+    reaching(law, scratch, state[0, TICKS] == 0.0)
+    joints = scratch.joints
+    for j in range(len(block)):
+        u = joints[U_ROW, j]
+        a = block[j, A_R] + (joints[FEEDFORWARD, j] + u) / joints[ZOH_GAIN, j]  # eq. (8)
+        scratch.command[j], block[j, S], block[j, U] = a, joints[S_ROW, j], u
+        block[j, Z], block[j, NEXT_Z] = joints[Z_ROW, j], joints[Z_NEXT, j]
+        block[j, NEXT_X], block[j, NEXT_A] = joints[X_NEXT, j], joints[A_NEXT, j]
+
+
+@inline
+def _follow(
+    arm: ArmTables, law: LawTables, scratch: Scratch, state: Array, given: TickInputs, block: Array
+) -> bool:
+    """Write impedance reference, errors and memory of the reaching law; whether the surface sees all of e1."""
     q, v, q_d, v_d, a_d, tau_ext = given
-    command, zoh_gain = scratch.command, scratch.zoh_gain
-    starts = state[0, TICKS] == 0.0
+    joints, is_clipped = scratch.joints, False
     if law.choices[0, FILTER] == COUPLED:
         couple_joints(law, state, tau_ext, scratch.filtered)
     for j in range(len(v)):
-        q_e, v_e, z = state[j, NEXT_Q_E], state[j, NEXT_V_E], state[j, NEXT_Z]
+        q_e, v_e = state[j, NEXT_Q_E], state[j, NEXT_V_E]
         a_e, q_e_next, v_e_next = filter_step(law, scratch, j, state, tau_ext, block)  # eq. (3)
         e1 = position_error(arm, j, q, q_d, q_e, block)  # eq. (4)
-        v_r, a_r = v_d[j] + v_e, a_d[j] + a_e
+        v_r, bound = v_d[j] + v_e, law.gains[j, SEEN]
         e2 = v_r - v[j]
-        s, feedforward, gain = surface(law, j, e1, e2)  # eq. (6)
-        x, a = state[j, NEXT_X], state[j, NEXT_A]
-        if starts:
-            z, x, a = 0.0, s, 0.0
-        u, z_next, x_next, a_next = reaching(law, j, s, z, x, a)  # eq. (8)
-        command[j], zoh_gain[j] = a_r + (feedforward + u) / gain, gain
-        block[j, V_R], block[j, A_R], block[j, E1], block[j, E2] = v_r, a_r, e1, e2
-        block[j, S], block[j, U], block[j, Q_E], block[j, V_E] = s, u, q_e, v_e
+        block[j, V_R], block[j, A_R], block[j, E1], block[j, E2] = v_r, a_d[j] + a_e, e1, e2
+        block[j, Q_E], block[j, V_E] = q_e, v_e
         block[j, NEXT_Q_E], block[j, NEXT_V_E] = q_e_next, v_e_next
-        block[j, NEXT_Z], block[j, NEXT_X], block[j, NEXT_A] = z_next, x_next, a_next
-        block[j, TICKS], block[j, Z], block[j, TAU_EXT] = state[0, TICKS] + 1.0, z, tau_ext[j]
-        if abs(e1) > law.gains[j, SEEN]:
+        block[j, TICKS], block[j, TAU_EXT] = state[0, TICKS] + 1.0, tau_ext[j]
+        joints[SEEN_E1, j], joints[E2_ROW, j] = _clip(e1, -bound, bound), e2
+        joints[Z_ROW, j], joints[X_ROW, j] = state[j, NEXT_Z], state[j, NEXT_X]
+        joints[A_ROW, j] = state[j, NEXT_A]
+        if abs(e1) > bound:
             block[j, FLAGS] += CLIPPED
+            is_clipped = True
+    return is_clipped
 
 
 @routine
@@ -240,8 +270,11 @@ class TickWords(NamedTuple):
     tau: Array
 
 
-LAW = types.NamedTuple((OWN_MATRIX, OWN_MATRIX, OWN_INTEGERS), LawTables)
-SCRATCH = types.NamedTuple((*[OWN_VECTOR] * 6, *[OWN_MATRIX] * 3, OWN_VECTOR), Scratch)
+LAW = types.NamedTuple((*[OWN_MATRIX] * 4, OWN_INTEGERS), LawTables)
+SCRATCH = types.NamedTuple(
+    (*[OWN_VECTOR] * 2, OWN_MATRIX, *[OWN_VECTOR] * 3, *[OWN_MATRIX] * 3, OWN_VECTOR),
+    Scratch,
+)
 _FIXED, _WORK = Held(types.NamedTuple((ARM, LAW), LawWords)), Held(SCRATCH)
 _OWN = Held(types.NamedTuple((ARM, LAW, SPACE, SCRATCH, OWN_VECTOR), TickWords))
 _STATE, _RESULT = BlockArgument(PackedState, COLUMNS), PairResult(PackedOutput, PackedState)
