@@ -405,11 +405,12 @@ def test_a_filter_that_is_not_linear_is_called_as_it_is(
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_a_surface_of_the_users_own_is_left_to_numpy(
+def test_a_surface_with_methods_of_its_own_is_left_to_numpy(
     backend: Backend, said: pytest.LogCaptureFixture, rng: np.random.Generator
 ) -> None:
     class Mine(rbi.PowerSurface):
-        pass
+        def value(self, e1: Array, e2: Array) -> Array:
+            return super().value(e1, e2)
 
     c = controller(arms.spinner(), backend, surface=Mine(3.0, 1.5))
     known = controller(arms.spinner(), backend, surface=rbi.PowerSurface(3.0, 1.5))

@@ -410,6 +410,7 @@ def test_parts_with_methods_of_their_own_are_not_packed() -> None:
 
     class Restless(rbi.SuperTwisting):
         def anti_windup(self, state: Any, following: Any, unrealised_u: Array, dt: float) -> Any:
+            del state, unrealised_u, dt
             return following
 
     reaching = rbi.SuperTwisting(8.0, 10.0)

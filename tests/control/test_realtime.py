@@ -9,15 +9,21 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
+from numpy.typing import NDArray
 
 import rbimpedance as rbi
 
 from .. import arms
 from .test_backends import BACKENDS, FINITE_TIME, Backend, controller, draw
 
+Array = NDArray[np.float64]
+
 
 class OwnSurface(rbi.PowerSurface):
     """One that is not compiled."""
+
+    def value(self, e1: Array, e2: Array) -> Array:
+        return super().value(e1, e2)
 
 
 CONTROLLERS: dict[str, dict[str, Any]] = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,6 +14,91 @@ from .._common.arrays import Array, BoolArray, check_gains
 from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
+from .formulas import clip, elementwise
+
+
+def torque_bounds(before: float, effort: float, step: float) -> tuple[float, float]:
+    """Least and largest torque of a joint: abs(tau) ≤ effort, no further than a step from the torque before."""
+    return clip(before - step, -effort, effort), clip(before + step, -effort, effort)
+
+
+def limits_reached(tau: float, lower: float, upper: float, effort: float) -> tuple[bool, bool]:
+    """Whether a joint is at its torque limit, and whether it is at its rate limit only."""
+    saturated = abs(tau) >= effort
+    return saturated, not saturated and (tau <= lower or tau >= upper)
+
+
+def allocate_joints(
+    tau: Array,
+    lower: Array,
+    upper: Array,
+    M: Array,
+    applied: Array,
+    deficit: Array,
+    held: Array,
+    L: Array,
+) -> None:
+    """Write the torque within the limits that keeps the free joints' accelerations; see `Limits.allocate`.
+
+    Args:
+        tau: Torque that the law demands, shape (nv,).
+        lower: Least torque, shape (nv,).
+        upper: Largest torque, shape (nv,).
+        M: M(q), shape (nv, nv).
+        applied: Where the torque goes, shape (nv,).
+        deficit: Where the missing acceleration goes, shape (nv,).
+        held: Work space: 1 where a joint is held at its limit, else 0, shape (nv,).
+        L: Work space: Cholesky factor of M over the held joints, shape (nv, nv).
+    """
+    for j in range(len(tau)):
+        applied[j], deficit[j], held[j] = tau[j], 0.0, 0.0
+    while hold_beyond(lower, upper, applied, held):
+        solve_held(tau, applied, M, deficit, held, L)
+        for i in range(len(tau)):
+            if held[i] == 0.0:
+                applied[i] = tau[i]
+                for j in range(len(tau)):
+                    applied[i] -= M[i, j] * deficit[j]
+
+
+def hold_beyond(lower: Array, upper: Array, applied: Array, held: Array) -> bool:
+    """Hold the joints that are beyond a limit there; whether there is one."""
+    found = False
+    for j in range(len(applied)):
+        if applied[j] < lower[j] or applied[j] > upper[j]:
+            applied[j], held[j], found = clip(applied[j], lower[j], upper[j]), 1.0, True
+    return found
+
+
+def solve_held(tau: Array, applied: Array, M: Array, deficit: Array, held: Array, L: Array) -> None:
+    """Solve M_SS·deficit_S = (tau - applied)_S over the held joints S by Cholesky; elsewhere the deficit stays zero."""
+    n = len(tau)
+    for i in range(n):
+        if held[i] != 0.0:
+            deficit[i] = eliminated(i, tau[i] - applied[i], M, deficit, held, L)
+    for i in range(n - 1, -1, -1):
+        if held[i] != 0.0:
+            for k in range(i + 1, n):
+                deficit[i] -= held[k] * L[k, i] * deficit[k]
+            deficit[i] /= L[i, i]
+
+
+def eliminated(i: int, total: float, M: Array, y: Array, held: Array, L: Array) -> float:
+    """Write row i of the factor; return entry i of the solution of L·y = right-hand side, whose entry is total."""
+    for j in range(i + 1):
+        if held[j] == 0.0:
+            continue
+        entry = M[i, j]
+        for k in range(j):
+            if held[k] != 0.0:
+                entry -= L[i, k] * L[j, k]
+        if j == i:
+            L[i, i] = math.sqrt(entry)
+        else:
+            L[i, j] = entry / L[j, j]
+            total -= L[i, j] * y[j]
+    y_i: float = total / L[i, i]
+    return y_i
 
 
 class Allocation(NamedTuple):
@@ -88,22 +174,14 @@ class Limits:
             before: Torque of the tick before, shape (nv,) [N·m or N]; None at the first tick.
             dt: Time since then [s].
         """
-        lower, upper = self._bounds(before, dt)
-        acceleration_deficit = np.zeros_like(tau)
-        applied, at_limit = tau, (tau < lower) | (tau > upper)
-        if at_limit.any():
-            M, held = mass_matrix(), np.zeros_like(at_limit)
-            while at_limit.any():
-                pinned = np.clip(applied, lower, upper)
-                held = held | at_limit
-                acceleration_deficit[held] = np.linalg.solve(
-                    M[np.ix_(held, held)], (tau - pinned)[held]
-                )
-                applied = np.where(held, pinned, tau - M @ acceleration_deficit)
-                at_limit = (applied < lower) | (applied > upper)
-        saturated = np.abs(applied) >= self.effort
-        is_bound = (applied <= lower) | (applied >= upper)
-        return Allocation(applied, saturated, is_bound & ~saturated, acceleration_deficit)
+        lower, upper = np.broadcast_arrays(*self._bounds(before, dt), tau)[:2]
+        applied, deficit = tau, np.zeros_like(tau)
+        if ((tau < lower) | (tau > upper)).any():
+            M, applied, held = mass_matrix(), np.empty_like(tau), np.empty_like(tau)
+            allocate_joints(tau, lower, upper, M, applied, deficit, held, np.zeros_like(M))
+        reached = elementwise(limits_reached, 2, applied, lower, upper, self.effort)
+        saturated, rate_limited = (flags != 0.0 for flags in reached)
+        return Allocation(applied, saturated, rate_limited, deficit)
 
     def nearest(self, tau: Array, before: Array | None, dt: float) -> Array:
         """Return the torque within the limits that is nearest on every joint, shape (nv,).
@@ -118,11 +196,10 @@ class Limits:
 
     def _bounds(self, before: Array | None, dt: float) -> tuple[Array, Array]:
         """Least and largest torque of this tick."""
-        if before is None:
-            return -self.effort, self.effort
-        change = self.rate * dt
-        lower = np.clip(before - change, -self.effort, self.effort)
-        upper = np.clip(before + change, -self.effort, self.effort)
+        step = np.inf if before is None else self.rate * dt
+        lower, upper = elementwise(
+            torque_bounds, 2, 0.0 if before is None else before, self.effort, step
+        )
         return lower, upper
 
 

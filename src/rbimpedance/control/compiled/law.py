@@ -83,9 +83,11 @@ class Scratch(NamedTuple):
 
     Attributes:
         command: Acceleration that the torque is to bring about, shape (nv,).
-        torque: Torque of the model for it, shape (nv,).
+        torque: Torque of the model for it, later the one within the limits, shape (nv,).
         joints: What surface and reaching law are given and give, shape (`ROWS`, nv).
         wanted: Torque before the limits, shape (nv,).
+        lower: Least torque within the limits, shape (nv,).
+        upper: Largest one.
         acceleration_deficit: Acceleration withheld by them, shape (nv,).
         held: Whether the joint is held at its limit, 1 or 0, shape (nv,).
         mass: M(q), shape (nv, nv).
@@ -98,6 +100,8 @@ class Scratch(NamedTuple):
     torque: Array
     joints: Array
     wanted: Array
+    lower: Array
+    upper: Array
     acceleration_deficit: Array
     held: Array
     mass: Array

@@ -71,10 +71,10 @@ def _rows(part: FormulaPart, nv: int) -> Array:
 
 def scratch(nv: int) -> Scratch:
     """Return what a tick of nv joints writes besides its output."""
-    command, torque, wanted, acceleration_deficit, held = np.zeros((5, nv))
+    command, torque, wanted, lower, upper, acceleration_deficit, held = np.zeros((7, nv))
     joints, mass, factor = np.zeros((at.ROWS, nv)), *np.zeros((2, nv, nv))
     block, filtered = np.zeros((nv, COLUMNS)), np.zeros(3 * nv)
-    limited = wanted, acceleration_deficit, held, mass, factor
+    limited = wanted, lower, upper, acceleration_deficit, held, mass, factor
     return Scratch(command, torque, joints, *limited, block, filtered)
 
 

@@ -272,7 +272,7 @@ class TickWords(NamedTuple):
 
 LAW = types.NamedTuple((*[OWN_MATRIX] * 4, OWN_INTEGERS), LawTables)
 SCRATCH = types.NamedTuple(
-    (*[OWN_VECTOR] * 2, OWN_MATRIX, *[OWN_VECTOR] * 3, *[OWN_MATRIX] * 3, OWN_VECTOR),
+    (*[OWN_VECTOR] * 2, OWN_MATRIX, *[OWN_VECTOR] * 5, *[OWN_MATRIX] * 3, OWN_VECTOR),
     Scratch,
 )
 _FIXED, _WORK = Held(types.NamedTuple((ARM, LAW), LawWords)), Held(SCRATCH)
