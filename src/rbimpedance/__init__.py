@@ -69,8 +69,10 @@ from .law.impedance import Impedance as Impedance
 from .law.impedance_changes import blend as blend
 from .law.impedance_changes import check_variation as check_variation
 from .law.limits import Limits as Limits
+from .law.super_twisting import FormulaReaching as FormulaReaching
 from .law.super_twisting import SuperTwisting as SuperTwisting
 from .law.surfaces import FastTerminalSurface as FastTerminalSurface
+from .law.surfaces import FormulaSurface as FormulaSurface
 from .law.surfaces import NonsingularTerminalSurface as NonsingularTerminalSurface
 from .law.surfaces import PowerSurface as PowerSurface
 from .law.surfaces import Surface as Surface

@@ -76,7 +76,7 @@ class Baseline(ControllerBase[StateT, ControllerOutput]):
         )
 
     def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
-        """Return e_im (paper, eq. 5), shape (nv,) [N·m or N]; see `ImpedanceController`.
+        """Return e_im of the paper's eq. (5), shape (nv,) [N·m or N]; see `ImpedanceController`.
 
         Args:
             output: Of the tick.

@@ -1,6 +1,6 @@
 """The controllers that a user has today, with the `init` and `step` of `ImpedanceController`.
 
-They share its target, its reference q_r = q_d (+) q_e (paper, eqs. 3 and 4) and its figures e1, e2
+They share its target, its reference q_r = q_d (+) q_e and its figures e1, e2
 and e_im, so that `simulate` compares like with like, also where a law itself does not use q_r. All
 are immutable and pure. With `model="inertia"` a law knows M(q) and nothing else of the arm, as the
 controller in section 4 of the paper: terms from bias(q, v) are omitted.

@@ -1,4 +1,4 @@
-"""One control tick: impedance filter, errors, sliding surface, reaching law, torque (paper, eqs. 3, 4, 6 and 8)."""
+"""One control tick: impedance filter, errors, sliding surface, reaching law, torque."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .._common.deprecation import renamed_arguments, renamed_attribute
 from .._common.frozen import set_fields
 from ..law.impedance import TargetFilter, TargetImpedance
 from ..law.limits import Limits, as_limits
-from ..law.super_twisting import SuperTwisting
+from ..law.super_twisting import FormulaReaching
 from ..law.surfaces import Surface
 from ..robot.arm_model import ArmModel
 from ..robot.knowledge import Knowledge, as_knowledge
@@ -36,7 +36,7 @@ from .tick import ControlLaw, Step, TickForm, numpy_tick
 class ImpedanceController(ControllerBase[ControllerState, ControllerOutput]):
     """Super-twisting terminal sliding-mode impedance controller for n joints.
 
-    The law (paper, eq. 8), with a = a_r + (feedforward + u)/zoh_gain and zoh_gain = 1 on the paper's surface:
+    The law of the paper's eq. (8), with a = a_r + (feedforward + u)/zoh_gain and zoh_gain = 1 on the paper's surface:
 
         tau = RNEA(q, v, a) - tau_ext                   [= -tau_ext + M(q)·a + bias(q, v)]
 
@@ -76,7 +76,7 @@ class ImpedanceController(ControllerBase[ControllerState, ControllerOutput]):
     arm: ArmModel
     impedance: TargetImpedance
     surface: Surface
-    reaching: SuperTwisting
+    reaching: FormulaReaching
     dt: float
     model: Knowledge
     limits: Limits | None
@@ -93,7 +93,7 @@ class ImpedanceController(ControllerBase[ControllerState, ControllerOutput]):
         arm: ArmModel,
         impedance: TargetImpedance | None = None,
         surface: Surface | None = None,
-        reaching: SuperTwisting | None = None,
+        reaching: FormulaReaching | None = None,
         dt: float = 1e-3,
         *,
         model: Knowledge = "full",
@@ -258,7 +258,7 @@ class ImpedanceController(ControllerBase[ControllerState, ControllerOutput]):
         )
 
     def impedance_error(self, output: ControllerOutput, a: Array) -> Array:
-        """Return e_im = M_d·(a_r - a) + D_d·e2 + K_d·e1 (paper, eq. 5), shape (nv,) [N·m or N].
+        """Return e_im = M_d·(a_r - a) + D_d·e2 + K_d·e1, the paper's eq. (5), shape (nv,) [N·m or N].
 
         It is the residual of the target impedance; for a nonlinear one see its filter's `error`.
 

@@ -45,7 +45,7 @@ def track(
     v_e: Array,
     given: Measured,
 ) -> Tracking:
-    """Return the impedance reference (paper, eqs. 3 and 4) and the errors of a tick.
+    """Return the impedance reference q_r = q_d (+) q_e (paper, eq. 4) and the errors of a tick.
 
     Args:
         arm: The controller's model of the arm.

@@ -1,4 +1,4 @@
-"""One control tick: filter, errors, surface, reaching law, torque, limits (paper, eqs. 3, 4, 6 and 8).
+"""One control tick: filter, errors, surface, reaching law, torque, limits.
 
 `numpy_tick` is the specification. The compiled forms of the tick compute the same and are compared with it;
 docs/how-a-tick-runs.md follows all of them file by file.
@@ -16,8 +16,8 @@ from .._common.arrays import Array
 from ..law.bounded_surface import clipped, surface_terms
 from ..law.impedance import TargetFilter
 from ..law.limits import Allocation, Limits
-from ..law.super_twisting import ReachingState, SuperTwisting
-from ..law.surfaces import Surface
+from ..law.super_twisting import FormulaReaching, ReachingState
+from ..law.surfaces import Surface, demanded_acceleration
 from ..robot.arm_model import ArmModel
 from ..robot.knowledge import Knowledge, model_torque
 from ..trajectories import Reference
@@ -42,7 +42,7 @@ class ControlLaw(NamedTuple):
     arm: ArmModel
     filter: TargetFilter
     surface: Surface
-    reaching: SuperTwisting
+    reaching: FormulaReaching
     dt: float
     model: Knowledge
     limits: Limits | None
@@ -65,7 +65,7 @@ def numpy_tick(
     s, feedforward, gain = surface_terms(surface, e1, e2, dt)  # eqs. (6), (7)
     before = _reaching_state(reaching, state, s)
     u, after = reaching.step(s, before, dt)
-    a = a_r + (feedforward + u) / gain  # eq. (8)
+    a = demanded_acceleration(a_r, feedforward, u, gain)  # eq. (8)
     tau = model_torque(arm, model, q, v, a) - tau_ext  # eq. (8)
     allocation = _within_limits(law, state, q, tau)
     unrealised_u = gain * allocation.acceleration_deficit
@@ -90,7 +90,7 @@ def numpy_tick(
     return output, ControllerState(state.ticks + 1, *following, *after, *last)
 
 
-def _reaching_state(reaching: SuperTwisting, state: ControllerState, s: Array) -> ReachingState:
+def _reaching_state(reaching: FormulaReaching, state: ControllerState, s: Array) -> ReachingState:
     return reaching.start(s) if state.ticks == 0 else ReachingState(state.z, state.x, state.a)
 
 

@@ -26,7 +26,7 @@ _BISECTIONS = 60
 class Certificate:
     """What Theorem 1 guarantees, joint by joint.
 
-    The law is ṡ = -k1·abs(s)^½·sgn(s) - k2·∫sgn(s) - Δ with abs(dΔ/dt) ≤ d_max (paper, eq. 9).
+    The law is ṡ = -k1·abs(s)^½·sgn(s) - k2·∫sgn(s) - Δ with abs(dΔ/dt) ≤ d_max, the paper's eq. (9).
     All times are upper bounds; infinity means that no finite one is known or exists, and `reason`
     says why. Arrays are read-only.
 
@@ -43,7 +43,7 @@ class Certificate:
         reaching_time: s = 0 from this time on, shape (nv,) [s]: 2·(V(0)·C·P⁻¹·Cᵀ)^½/ε. Better
             than (18) in two ways: abs(x1) is bounded by (V·C·P⁻¹·Cᵀ)^½ instead of
             (V/λ_min(P))^½, and P and ε are those that make it smallest for this very start.
-        reaching_time_paper: T0 as printed, 2·V(0)^½/(ε·λ_min(P)^½) (paper, eq. 18), shape (nv,)
+        reaching_time_paper: T0 as printed, 2·V(0)^½/(ε·λ_min(P)^½), shape (nv,)
             [s], with the P and ε that suit it best among the solutions of the Riccati equation of
             (13) and the P above; never below `reaching_time`.
         s_bound: abs(s) never exceeds it, shape (nv,); infinite where not feasible.

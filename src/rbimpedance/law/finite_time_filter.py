@@ -21,6 +21,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from .._common.arrays import Array
+from .formulas import signed_power
 from .surfaces import sig
 
 _RELATIVE_TOLERANCE = 4.0 * np.finfo(np.float64).eps  # the least that brentq takes
@@ -81,7 +82,7 @@ class HomogeneousFilter:
         alpha1, alpha2 = self._alpha1, self._alpha2
         theta = 0.5 + 1.0 / (2.0 + 12.0 * m * math.pow(abs(v), 1.0 - alpha2) / (h * d))
         inertia = m / (theta * h)
-        force = inertia * v + tau - k * _sig(x, alpha1)
+        force = inertia * v + tau - k * signed_power(x, alpha1)
         sign = math.copysign(1.0, force)  # of w; for a negative one solve the mirror image
         x, v, tau, force = sign * x, sign * v, sign * tau, sign * force
 
@@ -114,13 +115,9 @@ def _root(residual: Callable[[float], float], largest: float) -> float:
     )
 
 
-def _sig(x: float, p: float) -> float:
-    return math.copysign(math.pow(abs(x), p), x)
-
-
 def _spring(x: float, step: float, p: float, implicit: float) -> float:
     """Mean of sig(ξ)^p from x to x + step, blended with its value at the end."""
-    return (1.0 - implicit) * _mean_power(x, step, p) + implicit * _sig(x + step, p)
+    return (1.0 - implicit) * _mean_power(x, step, p) + implicit * signed_power(x + step, p)
 
 
 def _mean_power(x: float, step: float, p: float) -> float:
@@ -133,8 +130,8 @@ def _mean_power(x: float, step: float, p: float) -> float:
         x, step = end, -step
     ratio = step / x if x else 0.0  # in [-2, 0]
     if ratio == 0.0:
-        return _sig(x, p)
-    return _sig(x, p) * _growth(ratio, p + 1.0) / ((p + 1.0) * ratio)
+        return signed_power(x, p)
+    return signed_power(x, p) * _growth(ratio, p + 1.0) / ((p + 1.0) * ratio)
 
 
 def _growth(ratio: float, p: float) -> float:

@@ -1,6 +1,6 @@
 """The target impedance: how the arm should give way to the environment.
 
-`Impedance` is the paper's, M_d q̈_e + D_d q̇_e + K_d q_e = tau_ext (eqs. 2 and 3), with an exact
+`Impedance` is the paper's, M_d q̈_e + D_d q̇_e + K_d q_e = tau_ext with an exact
 discrete filter. `TargetImpedance` is what a controller needs of it, or of any other target.
 """
 
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, cast
+from typing import NamedTuple, Protocol, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -44,7 +44,7 @@ class TargetFilter(Protocol):
     def error(self, e1: Array, e2: Array, e3: Array, q_e: Array, v_e: Array) -> Array:
         """Return the residual of the target, shape (nv,) [N·m or N].
 
-        It is M_d(a_d - a) + r(q_d - q, v_d - v) + tau_ext (paper, eq. 2), written with the errors to
+        It is M_d(a_d - a) + r(q_d - q, v_d - v) + tau_ext of the paper's eq. (2), written with the errors to
         the impedance reference: M_d·e3 + r(q_e, v_e) - r(q_e - e1, v_e - e2). For a linear r that is
         eq. (5).
 
@@ -71,7 +71,7 @@ class TargetImpedance(Protocol):
 @brief_repr("mass", "damping", "stiffness")
 @dataclass(frozen=True, eq=False, init=False)
 class Impedance:
-    """The mass, damper and spring that the arm should feel like: M_d, D_d, K_d of the paper's eq. (2).
+    """The mass, damper and spring that the arm should feel like: M_d, D_d, K_d (paper, eq. 2).
 
     Each is a scalar (the same on every joint), a vector (nv,) (its own on each joint) or a symmetric positive
     definite matrix (nv, nv). `Impedance(1.0, stiffness=100.0)` is critically damped.
@@ -155,10 +155,21 @@ class ImpedanceMatrices(NamedTuple):
     K_d: Array
 
 
+Number = TypeVar("Number", float, Array)
+
+
+def impedance_error(m: Number, d: Number, k: Number, e1: Number, e2: Number, e3: Number) -> Number:
+    """One joint's share of e_im = M_d·e3 + D_d·e2 + K_d·e1 (paper, eq. 5), from an entry of each matrix."""
+    return m * e3 + d * e2 + k * e1
+
+
 class ImpedanceFilter:
     """Exact zero-order-hold step of M_d a_e + D_d v_e + K_d q_e = tau_ext (paper, eq. 3).
 
     One matrix exponential at construction; a step is two products, one of another length the exponential's series.
+
+    Attributes:
+        matrices: M_d, D_d and K_d.
     """
 
     def __init__(self, matrices: ImpedanceMatrices, dt: float) -> None:
@@ -172,7 +183,7 @@ class ImpedanceFilter:
         system[nv : 2 * nv] = M_inverse @ np.hstack([-K_d, -D_d, np.eye(nv)])
         transition = expm(system * dt)[: 2 * nv]
         self._nv = nv
-        self._matrices = matrices
+        self.matrices = matrices
         self._acceleration_map = np.ascontiguousarray(system[nv : 2 * nv])
         self._transition = np.ascontiguousarray(transition)
         self._system = system
@@ -228,18 +239,18 @@ class ImpedanceFilter:
 
     def restoring_torque(self, q_e: Array, v_e: Array) -> Array:
         """Return D_d·v_e + K_d·q_e, shape (nv,) [N·m]; see `TargetFilter.restoring_torque`."""
-        _, D_d, K_d = self._matrices
+        _, D_d, K_d = self.matrices
         torque: Array = D_d @ v_e + K_d @ q_e
         return torque
 
     def error(self, e1: Array, e2: Array, e3: Array, q_e: Array, v_e: Array) -> Array:
-        """Return e_im = M_d·e3 + D_d·e2 + K_d·e1 (paper, eq. 5), shape (nv,) [N·m].
+        """Return e_im = M_d·e3 + D_d·e2 + K_d·e1, shape (nv,) [N·m]; see `impedance_error`.
 
         The residual of a linear target depends on the errors alone; see `TargetFilter.error`.
         """
         del q_e, v_e
-        M_d, D_d, K_d = self._matrices
-        e_im: Array = M_d @ e3 + D_d @ e2 + K_d @ e1
+        M_d, D_d, K_d = self.matrices
+        e_im: Array = impedance_error(M_d, D_d, K_d, e1, e2, e3).sum(axis=1)
         return e_im
 
 

@@ -8,7 +8,7 @@ Notation: sig(x)^p = sign(x)·abs(x)^p, elementwise.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +24,14 @@ def sig(x: ArrayLike, p: ArrayLike) -> Array:
     """Return sign(x)·abs(x)^p, elementwise."""
     power: Array = elementwise(signed_power, 1, x, p)
     return power
+
+
+Number = TypeVar("Number", float, Array)
+
+
+def demanded_acceleration(a_r: Number, feedforward: Number, u: Number, zoh_gain: Number) -> Number:
+    """Acceleration a with which s obeys the reaching law; the torque is RNEA(q, v, a) - tau_ext (paper, eq. 8)."""
+    return a_r + (feedforward + u) / zoh_gain
 
 
 def power_formula(

@@ -193,7 +193,7 @@ class ArmModel:
         return self.raw_dynamics.bias(self.check_configuration("q", q), vector("v", v, self.nv))
 
     def drift(self, q: ArrayLike, v: ArrayLike) -> Array:
-        """Return f(q, v) = -M⁻¹ bias of the paper's eq. (1), shape (nv,) [rad/s² or m/s²].
+        """Return f(q, v) = -M⁻¹ bias (paper, eq. 1), shape (nv,) [rad/s² or m/s²].
 
         Args:
             q: Configuration, shape (nq,).

@@ -58,7 +58,7 @@ def measure(result: SimulationResult, task: Task, trajectory: Trajectory, after:
 def target_motion(result: SimulationResult, task: Task, trajectory: Trajectory) -> Array:
     """Return the motion of the target impedance under the true torque of the environment, shape (N, nq).
 
-    q* = q_d (+) q_e with M_d a_e + D_d v_e + K_d q_e = tau_ext (paper, eqs. 3 and 4) from rest, and the logged tau_ext
+    q* = q_d (+) q_e with M_d a_e + D_d v_e + K_d q_e = tau_ext from rest, and the logged tau_ext
     held from tick to tick.
 
     Args:

@@ -22,6 +22,7 @@ from ..._numba.layouts.objects import (
 )
 from ..._numba.layouts.tables import Held, opened
 from ...law.formulas import clip
+from ...law.surfaces import demanded_acceleration
 from ...robot.compiled import rigid_body
 from ...robot.compiled.dynamics import ARM, OWN_INTEGERS, OWN_MATRIX, OWN_VECTOR, SPACE, VECTOR_IN
 from ...robot.compiled.rigid_body import friction, place_joints
@@ -80,7 +81,7 @@ from .law import (
 )
 from .limits import bounds, put_flags, within_limits
 
-_clip = helper(clip)
+_clip, _demanded = helper(clip), helper(demanded_acceleration)
 
 WITHIN, EXCEEDED = 0, 1
 """Whether the torque of the law is within the limits."""
@@ -166,7 +167,7 @@ def before_torque(
     joints = scratch.joints
     for j in range(len(block)):
         u = joints[U_ROW, j]
-        a = block[j, A_R] + (joints[FEEDFORWARD, j] + u) / joints[ZOH_GAIN, j]  # eq. (8)
+        a = _demanded(block[j, A_R], joints[FEEDFORWARD, j], u, joints[ZOH_GAIN, j])  # eq. (8)
         scratch.command[j], block[j, S], block[j, U] = a, joints[S_ROW, j], u
         block[j, Z], block[j, NEXT_Z] = joints[Z_ROW, j], joints[Z_NEXT, j]
         block[j, NEXT_X], block[j, NEXT_A] = joints[X_NEXT, j], joints[A_NEXT, j]

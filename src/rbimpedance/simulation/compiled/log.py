@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from ...control.compiled.block import (
     S,
 )
 from ...control.telemetry import FLAGS as FLAG_NAMES
+from ...law import impedance as law
 from ...robot.compiled.tables import CONTINUOUS, KIND, Q_INDEX, ArmTables
 from .plant import PlantMotion
 
@@ -98,9 +99,12 @@ PEAK, VARIATION, TAU_BEFORE = 9, 10, 11
 FIGURES = 12
 
 
+_impedance_error: Any = fused(law.impedance_error)
+
+
 @fused
 def impedance_error(target: Array, block: Array, e3: Array, e_im: Array) -> None:
-    """Write e_im = M_d·e3 + D_d·e2 + K_d·e1 (paper, eq. 5).
+    """Write e_im.
 
     Args:
         target: M_d, D_d, K_d side by side: their diagonals, (nv, 3), or whole, (nv, 3·nv).
@@ -108,17 +112,22 @@ def impedance_error(target: Array, block: Array, e3: Array, e_im: Array) -> None
         e3: a_r - a, shape (nv,).
         e_im: Where it goes, shape (nv,).
     """
-    n = len(e3)
+    n, is_diagonal = len(e3), target.shape[1] == 3
     for i in range(n):
-        if target.shape[1] == 3:
-            e_im[i] = (
-                target[i, 0] * e3[i] + target[i, 1] * block[i, E2] + target[i, 2] * block[i, E1]
-            )
+        if is_diagonal:
+            e_im[i] = _share(target, i, 0, 1, block, i, e3)
         else:
             e_im[i] = 0.0
             for j in range(n):
-                e_im[i] += target[i, j] * e3[j]
-                e_im[i] += target[i, n + j] * block[j, E2] + target[i, 2 * n + j] * block[j, E1]
+                e_im[i] += _share(target, i, j, n, block, j, e3)
+
+
+@fused
+def _share(target: Array, i: int, k: int, apart: int, block: Array, j: int, e3: Array) -> float:
+    """What the errors of joint j give to e_im of joint i, whose entries begin at column k of the target."""
+    m, d, s = target[i, k], target[i, k + apart], target[i, k + 2 * apart]
+    share: float = _impedance_error(m, d, s, block[j, E1], block[j, E2], e3[j])
+    return share
 
 
 @fused

@@ -190,15 +190,12 @@ def controlled(controller: Any, tables: ArmTables) -> Controlled:
         controller: One that `reason_against_parts` has nothing against.
         tables: Those of its arm.
     """
-    arm, own = controller.arm, controller._filter
-    return Controlled(tables, pack_law(controller._law), _target(own, arm.nv))
+    return Controlled(tables, pack_law(controller._law), _target(controller._filter))
 
 
-def _target(impedance_filter: ImpedanceFilter, nv: int) -> Array:
+def _target(impedance_filter: ImpedanceFilter) -> Array:
     """M_d, D_d and K_d side by side, diagonals only where that is all."""
-    rest, unit, zero = np.zeros(nv), np.eye(nv), np.zeros((nv, nv))
-    errors = ((zero, zero, unit), (zero, unit, zero), (unit, zero, zero))
-    matrices = [impedance_filter.error(*error, rest, rest) for error in errors]  # M_d, D_d, K_d
+    matrices = impedance_filter.matrices
     if all(np.array_equal(A, np.diag(np.diag(A))) for A in matrices):
         return np.column_stack([np.diag(A) for A in matrices])
     return np.hstack(matrices)
