@@ -50,7 +50,7 @@ def pack_law(law: ControlLaw) -> LawTables:
         gains[:, at.SEEN] = law.surface.max_error
     gains[:, at.DT] = law.dt
     predicts = isinstance(reaching, SuperTwisting) and reaching.scheme == "implicit"
-    if predicts:
+    if isinstance(reaching, SuperTwisting):
         gains[:, at.K2] = reaching.k2
     if limits is not None:
         gains[:, at.EFFORT], gains[:, at.TORQUE_STEP] = limits.effort, limits.rate * law.dt
