@@ -55,7 +55,7 @@ Step: TypeAlias = tuple[float, float, float, float]
 
 def explicit(s: float, z: float, x: float, a: float, dt: float, k1: float, k2: float) -> Step:
     """Forward Euler: z⁺ = z + h·sgn(s)."""
-    u = k1 * (sign(s) * math.sqrt(abs(s))) + k2 * z
+    u = k1 * math.copysign(math.sqrt(abs(s)), s) + k2 * z
     return u, z + dt * sign(s), x, a
 
 
