@@ -30,7 +30,7 @@ _METRICS = {
 
 LEGEND = (
     "e1: distance from the motion that the target impedance makes; e2: the same in velocity; e_im: impedance error, "
-    "the force that is missing (paper, eq. 5); tau: motor torque; rms: root mean square; variation: all ups and downs "
+    "the force that is missing (eq. 5); tau: motor torque; rms: root mean square; variation: all ups and downs "
     "in a second; –: never"
 )
 """What the names in the tables of runs mean."""
