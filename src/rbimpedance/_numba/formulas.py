@@ -20,7 +20,7 @@ from .compile import inline, keep_on_disk
 
 _NUMBERS, _NUMBER = types.CPointer(types.float64), types.float64
 _LOOP = types.void(types.intp, _NUMBERS, _NUMBER, _NUMBERS, _NUMBERS)
-_RULES = {"error_model": "numpy", "boundscheck": False, "fastmath": {"contract", "nsz"}}
+_RULES = {"error_model": "numpy", "boundscheck": False}
 _DOUBLE = ir.DoubleType()
 _NATIVE = ir.FunctionType(
     ir.VoidType(),
