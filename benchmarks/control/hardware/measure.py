@@ -80,7 +80,7 @@ STEPS = len(SETS) * 5 + 4 + len(ROTORS)
 
 
 def _law_of(trial: Trial) -> dict[str, Any]:
-    law = trial.controller
+    law: Any = trial.controller
     return {
         "margin": float(np.max(law.reaching.margin)),
         "slope": float(slope_at_zero(law.surface, trial.arm.nv).max()),

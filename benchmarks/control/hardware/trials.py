@@ -98,7 +98,8 @@ class Trial:
 
     def linear(self, hardware: Hardware) -> Linear:
         """The loop about s = 0 at the start of the run."""
-        arm, law, plant = self.arm, self.controller, self.driven(hardware)
+        arm, plant = self.arm, self.driven(hardware)
+        law: Any = self.controller
         q = arm.neutral
         armature = np.diag(plant.arm.armature)
         return Linear(
