@@ -72,7 +72,7 @@ CHANNELS = (
     ),
     Channel("tau_stop", "N·m or N", "torque of the joint stops", source="derived"),
 )
-"""What a run logs. A new channel is a row here, a typed field of `RunLog`, and what computes it."""
+"""What a run logs. CONTRIBUTING.md has the recipe of a new channel."""
 
 FLAGS = tuple(channel.name for channel in CHANNELS if channel.is_flag)
 """Fields of `ControllerOutput` that say what held a joint back; a run's log has them, too."""

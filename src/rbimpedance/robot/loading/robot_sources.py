@@ -1,7 +1,7 @@
 """Where robot descriptions come from: files, xacro, bundled robots, example-robot-data and robot_descriptions.
 
-A name means the first of: a bundled robot, a robot of example-robot-data, a module of robot_descriptions. Everything
-here ends in the text of a URDF, unchecked; `urdf_document` reads it.
+`SOURCES` lists where names come from, in the order in which they are looked up. Everything here ends in the text of a
+URDF, unchecked; `urdf_document` reads it.
 """
 
 from __future__ import annotations
@@ -9,10 +9,10 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import pkgutil
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..._common.suggestions import suggest
 from ...exceptions import MissingExtraError, ModelError
@@ -25,6 +25,9 @@ _KINDS_OF_SOURCE = (
     "a source is a path to a .urdf or .xacro file, the XML text itself, the name of a robot that is bundled or comes "
     "with example-robot-data or robot_descriptions, a yourdfpy.URDF, a pinocchio.Model or a RobotWrapper"
 )
+
+_MODULE = "_description"
+"""How the names of robot_descriptions end."""
 
 
 def read_source(
@@ -61,10 +64,12 @@ def read_source(
 def runs_as_program(source: str) -> bool:
     """Whether reading this source runs what it holds: a xacro file, or a module of robot_descriptions.
 
+    The viewer relies on it before it reads what a stranger's result names.
+
     Args:
         source: A path or a name.
     """
-    return Path(source).suffix.lower() == ".xacro" or source.endswith("_description")
+    return Path(source).suffix.lower() == ".xacro" or source.endswith(_MODULE)
 
 
 def bundled_names() -> tuple[str, ...]:
@@ -88,11 +93,7 @@ def bundled_urdf(name: str) -> Path:
 
 def names_by_source() -> dict[str, tuple[str, ...]]:
     """Every robot name that `load_robot` knows here, sorted, by where it comes from; nothing is downloaded."""
-    return {
-        "bundled": bundled_names(),
-        "example-robot-data": tuple(sorted(_example_robots())),
-        "robot_descriptions": _description_modules(),
-    }
+    return {source.title: source.names() for source in SOURCES}
 
 
 def known_names() -> tuple[str, ...]:
@@ -112,21 +113,21 @@ def _read_string(source: str, reading: Reading) -> RobotText:
         return RobotText(_plain(source, reading), "the XML text", package_dirs=reading.folders)
     if Path(source).suffix.lower() in SUFFIXES or "/" in source or "\\" in source:
         return read_path(Path(source), reading)
-    if source in bundled_names():
-        text = read_path(bundled_urdf(source), reading)
-        return replace(text, origin=f"'{source}'", name=source)
-    if source in _example_robots():
-        return _read_example_robot(source, reading)
-    if source in _description_modules():
-        return _read_robot_description(source, reading)
+    for place in SOURCES:
+        if source in place.names():
+            return place.read(source, reading)
     if is_file(Path(source)):
         return read_path(Path(source), reading)
-    if source.endswith("_description") and importlib.util.find_spec("robot_descriptions") is None:
+    if source.endswith(_MODULE) and importlib.util.find_spec("robot_descriptions") is None:
         raise MissingExtraError(
             f"the robot_descriptions name '{shortened(source)}'", "descriptions"
         )
     near = suggest_robot(source, known_names())
     raise ModelError(f"no robot is called '{source}'{near.removesuffix('?')}; {_KINDS_OF_SOURCE}")
+
+
+def _read_bundled(name: str, reading: Reading) -> RobotText:
+    return replace(read_path(bundled_urdf(name), reading), origin=f"'{name}'", name=name)
 
 
 def _plain(text: str, reading: Reading) -> str:
@@ -151,6 +152,10 @@ def _example_robots() -> dict[str, Any]:
     except ImportError:
         return {}
     return dict(module.ROBOTS)
+
+
+def _example_names() -> tuple[str, ...]:
+    return tuple(sorted(_example_robots()))
 
 
 def _read_example_robot(name: str, reading: Reading) -> RobotText:
@@ -200,7 +205,7 @@ def _description_modules() -> tuple[str, ...]:
     return tuple(
         module.name
         for module in modules
-        if module.name.endswith("_description") and not module.name.startswith("_")
+        if module.name.endswith(_MODULE) and not module.name.startswith("_")
     )
 
 
@@ -232,3 +237,26 @@ def _read_robot_description(name: str, reading: Reading) -> RobotText:
         name=name,
         srdf=text.srdf if srdf is None else Path(srdf),
     )
+
+
+class NamedSource(NamedTuple):
+    """Where robots have names.
+
+    Attributes:
+        title: What `rbimpedance robots` calls it.
+        names: Gives all names, sorted; none where it is not installed. Nothing is downloaded.
+        read: Reads the description of one of them. It sets `RobotText.name`, by which a saved run finds the robot
+            again; where it may run a program, `runs_as_program` has to know the name.
+    """
+
+    title: str
+    names: Callable[[], tuple[str, ...]]
+    read: Callable[[str, Reading], RobotText]
+
+
+SOURCES = (
+    NamedSource("bundled", bundled_names, _read_bundled),
+    NamedSource("example-robot-data", _example_names, _read_example_robot),
+    NamedSource("robot_descriptions", _description_modules, _read_robot_description),
+)
+"""A name means the first of these that has it; `load_robot` reads it, `rbimpedance robots` lists it."""

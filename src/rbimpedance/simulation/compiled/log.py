@@ -29,7 +29,7 @@ COLUMN_OF = {"e1": E1, "e2": E2, "s": S, "tau": TAU}
 """Where a tick's block keeps the channels of the controller."""
 
 
-class RunLog(NamedTuple):
+class LogArrays(NamedTuple):
     """Channels of `SimulationResult`; one that is not wanted has no rows.
 
     Attributes:
@@ -57,7 +57,7 @@ class RunLog(NamedTuple):
     every: NDArray[np.int64]
 
 
-def journal(channels: Mapping[str, Array], every: int = 1) -> RunLog:
+def journal(channels: Mapping[str, Array], every: int = 1) -> LogArrays:
     """Return a journal that writes to the given arrays.
 
     Args:
@@ -65,7 +65,7 @@ def journal(channels: Mapping[str, Array], every: int = 1) -> RunLog:
         every: Ticks from one sample to the next.
     """
     unwanted, no_flag = np.zeros((0, 1)), np.zeros((0, 1), dtype=np.bool_)
-    return RunLog(
+    return LogArrays(
         q=channels.get("q", unwanted),
         v=channels.get("v", unwanted),
         q_r=channels.get("q_r", unwanted),
@@ -132,7 +132,7 @@ def _share(target: Array, i: int, k: int, apart: int, block: Array, j: int, e3: 
 
 @fused
 def write(
-    journal: RunLog, arm: ArmTables, i: int, motion: PlantMotion, block: Array, e_im: Array
+    journal: LogArrays, arm: ArmTables, i: int, motion: PlantMotion, block: Array, e_im: Array
 ) -> None:
     """Write one sample.
 

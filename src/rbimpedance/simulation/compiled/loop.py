@@ -24,7 +24,7 @@ from ...control.compiled.tick import whole_tick
 from ...robot.compiled.dynamics import VECTOR_IN
 from ...robot.compiled.tables import ArmTables, Workspace
 from .environment import Environment
-from .log import MetricSums, RunLog, impedance_error, note, write
+from .log import MetricSums, LogArrays, impedance_error, note, write
 from .plant import (
     PlantMotion,
     PlantTables,
@@ -139,7 +139,7 @@ def _rollout(
     memory: Memory,
     desk: LoopWorkspace,
     clock: Clock,
-    journal: RunLog,
+    journal: LogArrays,
     figures: MetricSums,
 ) -> int:
     """Do the ticks from `FIRST` to before `END`, each with the period after it, which the last one does not have."""
@@ -200,7 +200,7 @@ def record(
     motion: PlantMotion,
     k: int,
     block: Array,
-    journal: RunLog,
+    journal: LogArrays,
     figures: MetricSums,
 ) -> None:
     """Write a tick to the journal and the figures of merit."""
@@ -305,7 +305,7 @@ class Between(NamedTuple):
     motion: PlantMotion
     desk: LoopWorkspace
     clock: Clock
-    journal: RunLog
+    journal: LogArrays
     figures: MetricSums
     block: Array
     torque: Array

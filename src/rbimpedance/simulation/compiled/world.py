@@ -17,7 +17,7 @@ from ...robot.compiled.tables import ArmTables, workspace
 from ...trajectories import Reference
 from ..joint_stops import JointStops
 from .environment import Drive, EnvironmentTables, can_sample
-from .log import MetricSums, RunLog, no_figures
+from .log import MetricSums, LogArrays, no_figures
 from .loop import (
     DIVERGED,
     FINISHED,
@@ -139,7 +139,7 @@ class World:
         )
 
     def between(
-        self, block: range, reference: Reference, drive: Drive, desk: LoopWorkspace, journal: RunLog
+        self, block: range, reference: Reference, drive: Drive, desk: LoopWorkspace, journal: LogArrays
     ) -> Between:
         """Return what the kernels between Pinocchio's algorithms need for a block; see `run`."""
         environment, motion = self.surroundings.driven(drive), self.memory.motion
@@ -154,7 +154,7 @@ class World:
         reference: Reference,
         drive: Drive,
         desk: LoopWorkspace,
-        journal: RunLog,
+        journal: LogArrays,
         figures: MetricSums | None = None,
     ) -> Outcome:
         """Do a block of ticks, without the interpreter's lock.
