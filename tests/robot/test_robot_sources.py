@@ -196,7 +196,8 @@ def test_module_of_robot_descriptions_brings_its_arguments_and_packages(
         REPOSITORY_PATH=str(workspace / "alone"),
     )
     monkeypatch.setitem(sys.modules, module.__name__, module)
-    monkeypatch.setattr(robot_sources, "_description_modules", lambda: ("toy_description",))
+    modules = robot_sources.SOURCES[-1]._replace(names=lambda: ("toy_description",))
+    monkeypatch.setattr(robot_sources, "SOURCES", (*robot_sources.SOURCES[:-1], modules))
     assert rbi.load_robot("toy_description").joint_names == ("elbow",)
     arm = rbi.load_robot("toy_description", xacro_args={"joint": "knee"})
     assert arm.joint_names == ("knee",)

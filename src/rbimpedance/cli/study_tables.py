@@ -12,7 +12,7 @@ from .terminal import number, table
 
 LEGEND = (
     "deviation: distance from the motion that the target impedance makes; e_im: impedance error, the force that is "
-    "missing (paper, eq. 5); e1: distance from the controller's reference; rms: root mean square of a run; torque "
+    "missing (eq. 5); e1: distance from the controller's reference; rms: root mean square of a run; torque "
     "variation: all ups and downs in a second; pairs: runs that both ended; cells: robot and "
     "disturbance; 95 %: interval of the ratio"
 )
