@@ -46,7 +46,7 @@ class Shown:
 
 _TUNE = "tune ur5 --payload 2 --inertia-scale 1.1 --out out"
 _RUN = "run ur5 --payload 1.3 --gains out/gains.json"
-_PANDA = "run panda --payload 2 --armature 0.1"
+_PANDA = "run panda --lock panda_finger_joint1 --payload 2 --armature 0.1"
 _RUN_FILES = ("errors.png", "impedance_error.png", "torque.png", "result.npz")
 _TUNED = ("proposed gains", r"The controller's model holds [\d.]+ kg")
 _STUDY = ("--robots", "ur5", "--samples", "1", "--disturbances", "nothing")

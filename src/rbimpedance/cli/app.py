@@ -35,7 +35,7 @@ app = typer.Typer(
 )
 
 _EXAMPLES: dict[Callable[..., None], str] = {
-    run: "run panda --payload 2 --armature 0.1 --html out/run.html",
+    run: "run panda --lock panda_finger_joint1 --payload 2 --armature 0.1 --html out/run.html",
     tune: "tune ur5 --payload 2 --inertia-scale 1.1 --out out",
     inspect: "inspect ur5",
     view: "view panda --html panda.html",

@@ -24,7 +24,7 @@ from ...control.compiled.tick import whole_tick
 from ...robot.compiled.dynamics import VECTOR_IN
 from ...robot.compiled.tables import ArmTables, Workspace
 from .environment import Environment
-from .log import MetricSums, LogArrays, impedance_error, note, write
+from .log import LogArrays, MetricSums, impedance_error, note, write
 from .plant import (
     PlantMotion,
     PlantTables,

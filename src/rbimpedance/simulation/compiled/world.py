@@ -17,7 +17,7 @@ from ...robot.compiled.tables import ArmTables, workspace
 from ...trajectories import Reference
 from ..joint_stops import JointStops
 from .environment import Drive, EnvironmentTables, can_sample
-from .log import MetricSums, LogArrays, no_figures
+from .log import LogArrays, MetricSums, no_figures
 from .loop import (
     DIVERGED,
     FINISHED,
@@ -139,7 +139,12 @@ class World:
         )
 
     def between(
-        self, block: range, reference: Reference, drive: Drive, desk: LoopWorkspace, journal: LogArrays
+        self,
+        block: range,
+        reference: Reference,
+        drive: Drive,
+        desk: LoopWorkspace,
+        journal: LogArrays,
     ) -> Between:
         """Return what the kernels between Pinocchio's algorithms need for a block; see `run`."""
         environment, motion = self.surroundings.driven(drive), self.memory.motion
