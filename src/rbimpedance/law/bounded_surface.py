@@ -13,7 +13,7 @@ from .._common.deprecation import renamed_arguments, renamed_attribute
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
 from .formulas import clip, elementwise
-from .surfaces import Surface, terms
+from .surfaces import Surface, SurfaceByTerms, terms
 
 
 def at_bound(e1: float, bound: float, feedforward: float, zoh_gain: float) -> tuple[float, float]:
@@ -23,7 +23,7 @@ def at_bound(e1: float, bound: float, feedforward: float, zoh_gain: float) -> tu
 
 @brief_repr()
 @dataclass(frozen=True, eq=False, init=False)
-class BoundedSurface:
+class BoundedSurface(SurfaceByTerms):
     """Another surface that sees at most a stated error: abs(e1) > E counts as E.
 
     From far away the arm then approaches q_r at the constant speed that the surface has at E, instead of one that
@@ -66,41 +66,8 @@ class BoundedSurface:
         beyond: BoolArray = np.abs(e1) > self.max_error
         return beyond
 
-    def value(self, e1: Array, e2: Array) -> Array:
-        """Sliding variable at the bounded error, shape (nv,).
-
-        Args:
-            e1: Position error, shape (nv,) [rad or m].
-            e2: Velocity error, shape (nv,) [rad/s or m/s].
-        """
-        return self.surface.value(self._seen(e1), e2)
-
-    def feedforward(self, e1: Array, e2: Array) -> Array:
-        """The surface's own within the bound; zero beyond, where s does not change with e1, shape (nv,) [rad/s²].
-
-        Args:
-            e1: Position error, shape (nv,).
-            e2: Velocity error, shape (nv,).
-        """
-        return self.terms(e1, e2, 0.0)[1]
-
-    def zoh_gain(self, e1: Array, dt: float) -> Array:
-        """The surface's own within the bound; 1 beyond, where s does not change with e1, shape (nv,).
-
-        Args:
-            e1: Position error, shape (nv,).
-            dt: Control period [s].
-        """
-        return self.terms(e1, np.zeros_like(e1), dt)[2]
-
     def terms(self, e1: Array, e2: Array, dt: float) -> tuple[Array, Array, Array]:
-        """Return `value`, `feedforward` and `zoh_gain` at once.
-
-        Args:
-            e1: Position error, shape (nv,).
-            e2: Velocity error, shape (nv,).
-            dt: Control period [s].
-        """
+        """Return s at the bounded error, feed-forward and gain: 0 and 1 beyond the bound, where s is constant in e1."""
         s, *own = terms(self.surface, self._seen(e1), e2, dt)
         feedforward, zoh_gain = elementwise(at_bound, 2, e1, self.max_error, *own)
         return s, feedforward, zoh_gain

@@ -7,6 +7,7 @@ Notation: sig(x)^p = sign(x)·abs(x)^p, elementwise.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import Protocol, TypeVar
 
@@ -124,12 +125,18 @@ class Surface(Protocol):
         """Speed abs(e2) on s = 0 [rad/s or m/s]."""
 
 
-class FormulaSurface(FormulaPart):
-    """A surface by its formula for one joint: (e1, e2, dt, *gains) to s, feed-forward and gain.
+class SurfaceByTerms(ABC):
+    """A surface that computes its variable, feed-forward and gain at once."""
 
-    Every backend computes it: NumPy joint by joint, the others in compiled code. A surface of one's own derives from it
-    (docs/how-to/own-law.md); it adds `sliding_time` and `time_to` where certificates or tuning are wanted.
-    """
+    @abstractmethod
+    def terms(self, e1: Array, e2: Array, dt: float) -> tuple[Array, Array, Array]:
+        """Return `value`, `feedforward` and `zoh_gain` at once.
+
+        Args:
+            e1: Position error, shape (nv,).
+            e2: Velocity error, shape (nv,).
+            dt: Control period [s].
+        """
 
     def value(self, e1: Array, e2: Array) -> Array:
         """Sliding variable s, shape (nv,).
@@ -156,7 +163,15 @@ class FormulaSurface(FormulaPart):
             e1: Position error, shape (nv,).
             dt: Control period [s].
         """
-        return self.terms(e1, 0.0, dt)[2]
+        return self.terms(e1, np.zeros_like(e1), dt)[2]
+
+
+class FormulaSurface(SurfaceByTerms, FormulaPart):
+    """A surface by its formula for one joint: (e1, e2, dt, *gains) to s, feed-forward and gain.
+
+    Every backend computes it: NumPy joint by joint, the others in compiled code. A surface of one's own derives from it
+    (docs/how-to/own-law.md); it adds `sliding_time` and `time_to` where certificates or tuning are wanted.
+    """
 
     def speed(self, e1: ArrayLike) -> Array:
         """abs(e2) on s = 0 [rad/s or m/s]; here for surfaces with s = e2 + (a function of e1).
@@ -167,13 +182,7 @@ class FormulaSurface(FormulaPart):
         return np.abs(self.terms(e1, 0.0, 0.0)[0])
 
     def terms(self, e1: ArrayLike, e2: ArrayLike, dt: float) -> tuple[Array, Array, Array]:
-        """Return `value`, `feedforward` and `zoh_gain` at once.
-
-        Args:
-            e1: Position error, shape (nv,).
-            e2: Velocity error, shape (nv,).
-            dt: Control period [s].
-        """
+        """Return `value`, `feedforward` and `zoh_gain` at once; see `SurfaceByTerms`."""
         results: tuple[Array, Array, Array] = elementwise(
             self.formula, 3, e1, e2, dt, *self.gains.values()
         )
