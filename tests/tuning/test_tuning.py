@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -678,6 +679,18 @@ def test_limits_come_back_from_the_file_of_the_gains(
     kept = load_gains(path).controller(two_link, impedance).limits
     assert kept is not None
     np.testing.assert_array_equal(kept.effort, limits)
+
+
+def test_surface_of_ones_own_is_refused_by_the_file_and_named(
+    accepted: GainProposal, tmp_path: Path
+) -> None:
+    class Own(rbi.FastTerminalSurface):
+        pass
+
+    path = tmp_path / "gains.json"
+    with pytest.raises(rbi.ParameterError, match="FastTerminalSurface, PowerSurface"):
+        save_gains(replace(accepted, surface=Own()), path)
+    assert not path.exists()
 
 
 def test_body_that_the_model_carries_comes_back_from_the_file(tmp_path: Path) -> None:

@@ -56,14 +56,18 @@ def view(
         )
     for note in viewer.notes if not as_json else ():
         say(f"note: {note}")
-    if html is not None:
-        file = viewer.save_html(html)
-        if as_json:
-            print_json({"file": str(file), "notes": viewer.notes})
-        else:
-            say_written([file])
-    else:
+    if html is None:
         _serve(viewer, as_json=as_json, open_browser=open_browser)
+    else:
+        _write(viewer, html, as_json=as_json)
+
+
+def _write(viewer: Viewer, html: Path, *, as_json: bool) -> None:
+    file = viewer.save_html(html)
+    if as_json:
+        print_json({"file": str(file), "notes": viewer.notes})
+    else:
+        say_written([file])
 
 
 def _serve(viewer: Viewer, *, as_json: bool, open_browser: bool) -> None:

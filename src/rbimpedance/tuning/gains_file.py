@@ -156,7 +156,14 @@ def save_gains(proposal: GainProposal, path: str | os.PathLike[str]) -> Path:
     Args:
         proposal: From `propose_gains`.
         path: Where to.
+
+    Raises:
+        ParameterError: A surface of one's own: a file cannot hold its formula.
     """
+    if type(proposal.surface) not in _SURFACES.values():
+        raise ParameterError(
+            "surface", proposal.surface, f"one that a file can name: {', '.join(_SURFACES)}"
+        )
     target = Path(path)
     text = json.dumps(proposal_data(proposal), indent=2, allow_nan=False)
     target.write_text(text + "\n", encoding="utf-8")
