@@ -24,6 +24,8 @@ from ._common.leaf import leaf as _leaf
 from ._common.moved import MOVED as _MOVED
 from ._common.moved import MovedModules as _MovedModules
 from .control import baselines as baselines
+from .control.cartesian import CartesianController as CartesianController
+from .control.cartesian import Posture as Posture
 from .control.controller import ControllerOutput as ControllerOutput
 from .control.controller import ControllerState as ControllerState
 from .control.controller import ImpedanceController as ImpedanceController
@@ -62,6 +64,7 @@ from .interaction.observers import (
     SuperTwistingDisturbanceObserver as SuperTwistingDisturbanceObserver,
 )
 from .law.bounded_surface import BoundedSurface as BoundedSurface
+from .law.cartesian_impedance import CartesianImpedance as CartesianImpedance
 from .law.certificate import Certificate as Certificate
 from .law.certificate import certify as certify
 from .law.finite_time_impedance import FiniteTimeImpedance as FiniteTimeImpedance
@@ -69,6 +72,8 @@ from .law.impedance import Impedance as Impedance
 from .law.impedance_changes import blend as blend
 from .law.impedance_changes import check_variation as check_variation
 from .law.limits import Limits as Limits
+from .law.poses import CartesianReference as CartesianReference
+from .law.poses import Pose as Pose
 from .law.super_twisting import FormulaReaching as FormulaReaching
 from .law.super_twisting import SuperTwisting as SuperTwisting
 from .law.surfaces import FastTerminalSurface as FastTerminalSurface

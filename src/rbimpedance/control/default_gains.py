@@ -54,6 +54,9 @@ DELAY = 1
 GAIN_HEADROOM = 1.2
 """The scheme tolerates an input gain this much higher than the largest one that was found."""
 
+ACCELERATION = 1.0
+"""Of the motion [rad/s² or m/s²]."""
+
 K2_OVER_MISMATCH = 3.0
 """k2 over the acceleration that the model misses: covers it, with room for the transient."""
 
@@ -72,7 +75,6 @@ _LARGEST_MARGIN = 5.0  # beyond it the scheme is too slow for its friction
 _STEEPEST = 0.1  # slope of a default surface at e1 = 0 times the period
 _FAR = 0.2  # error from which a default surface asks for no more speed [rad or m]
 _SPEED_SHARE = 0.5  # of a joint's velocity limit
-_ACCELERATION = 1.0  # of the motion [rad/s² or m/s²]
 _SPEED = 1.0  # of the motion [rad/s or m/s]
 _POSTURES = 16
 _MASS, _STIFFNESS_OVER_MASS = 1.0, 20.0  # the paper's target
@@ -84,7 +86,9 @@ def default_impedance(arm: ArmModel) -> Impedance:
     Args:
         arm: The arm.
     """
-    heaviest = np.max([np.diag(arm.raw_dynamics.mass_matrix(q)) for q in _postures(arm)], axis=0)
+    heaviest = np.max(
+        [np.diag(arm.raw_dynamics.mass_matrix(q)) for q in default_postures(arm)], axis=0
+    )
     mass = np.maximum(heaviest, _MASS)
     return Impedance(mass, stiffness=_STIFFNESS_OVER_MASS * mass)
 
@@ -125,7 +129,7 @@ def default_law(
         raise ParameterError("reaching", None, words)
     surfaces = gentle_surfaces(dt) if surface is None else (surface,)
     slopes = [float(slope_at_zero(each, arm.nv).max()) for each in surfaces]
-    postures = _postures(arm)
+    postures = default_postures(arm)
     known = model_for_period(arm, postures, dt)
     for share in PAYLOAD_SHARES:
         payload = share * _moving_mass(arm)
@@ -229,18 +233,18 @@ def default_bounds(
     """
     torque, inertia, gains = np.zeros(arm.nv), np.full(arm.nv, np.inf), [1.0]
     known, zero = arm.raw_dynamics, np.zeros(arm.nv)
-    for plant in (each.raw_dynamics for each in _plants(arm, payload)):
+    for plant in (each.raw_dynamics for each in default_plants(arm, payload)):
         for q in postures:
             M, M_true = known.mass_matrix(q), plant.mass_matrix(q)
             missed = plant.bias(q, zero) - (known.bias(q, zero) if model == "full" else zero)
             inverse = np.linalg.inv(M_true)
             torque = np.maximum(
-                torque, np.abs(missed) + _ACCELERATION * np.abs(M_true - M).sum(axis=1)
+                torque, np.abs(missed) + ACCELERATION * np.abs(M_true - M).sum(axis=1)
             )
             held = np.diag((1.0 - FRICTION_ERROR) * dt * arm.viscous)
             inertia = np.minimum(inertia, 1.0 / np.diag(np.linalg.inv(M_true + held)))
             gains += np.abs(np.linalg.eigvals(inverse @ M)).tolist()
-    return Bounds(torque + _friction(arm, model), inertia, min(gains), max(gains))
+    return Bounds(torque + missed_friction(arm, model), inertia, min(gains), max(gains))
 
 
 def usual_surfaces() -> tuple[FastTerminalSurface, ...]:
@@ -257,8 +261,13 @@ def _moving_mass(arm: ArmModel) -> float:
     return float(sum(link.mass for link in list(arm.raw_dynamics.model.inertias)[1:]))
 
 
-def _plants(arm: ArmModel, payload: float) -> tuple[ArmModel, ArmModel]:
-    """The heaviest and the lightest plant."""
+def default_plants(arm: ArmModel, payload: float) -> tuple[ArmModel, ArmModel]:
+    """Return the heaviest and the lightest plant that the defaults tolerate.
+
+    Args:
+        arm: The controller's arm.
+        payload: Largest payload at the tool frame [kg].
+    """
     heavy = arm.with_scaled_inertia(1.0 + MASS_ERROR)
     return (
         heavy.with_payload(payload) if payload > 0.0 else heavy,
@@ -266,16 +275,25 @@ def _plants(arm: ArmModel, payload: float) -> tuple[ArmModel, ArmModel]:
     )
 
 
-def _friction(arm: ArmModel, model: Knowledge) -> Array:
-    """Friction that the model misses at most, shape (nv,) [N·m or N]."""
+def missed_friction(arm: ArmModel, model: Knowledge = "full") -> Array:
+    """Return the friction that the model misses at most, shape (nv,) [N·m or N].
+
+    Args:
+        arm: The controller's arm.
+        model: What the controller knows of the arm.
+    """
     share = FRICTION_ERROR if model == "full" else 1.0
     own = share * (arm.coulomb + _SPEED * arm.viscous)
     friction: Array = np.minimum(FRICTION, EFFORT_SHARE * arm.effort_limit) + own
     return friction
 
 
-def _postures(arm: ArmModel) -> list[Array]:
-    """Postures within the joint limits, the same ones at every call."""
+def default_postures(arm: ArmModel) -> list[Array]:
+    """Return postures within the joint limits, the same ones at every call.
+
+    Args:
+        arm: The arm.
+    """
     rng = np.random.default_rng(0)
     drawn = [arm.random_configuration(rng) for _ in range(_POSTURES)]
     return [np.array(arm.neutral), *drawn]

@@ -16,6 +16,9 @@ COULOMB_SMOOTHING = 0.05
 WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 """World axes at the frame's origin."""
 
+LOCAL_AXES = pin.ReferenceFrame.LOCAL
+"""The frame's own axes at its origin."""
+
 
 class PinocchioDynamics:
     """Pinocchio's RNEA, CRBA and ABA with joint friction added; inputs are not checked.

@@ -1,0 +1,300 @@
+"""`CartesianController`: the law of `ImpedanceController` at a frame of the arm, with a posture in the null space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._common.arrays import Array, positive_number, vector
+from .._common.brief import brief_repr
+from .._common.frozen import set_fields
+from ..law.cartesian_impedance import CartesianImpedance, Displacement
+from ..law.damped_inverse import DampedInverse, Damping
+from ..law.joint_bounds import JointBounds
+from ..law.limits import Limits, as_limits
+from ..law.poses import CartesianReference, check_cartesian_reference
+from ..law.rotations import RotationVector
+from ..law.super_twisting import ReachingState, SuperTwisting
+from ..law.surfaces import Surface
+from ..robot.arm_model import ArmModel
+from ..robot.tool_kinematics import ToolKinematics
+from .cartesian_defaults import completed_laws, default_cartesian_impedance
+from .cartesian_telemetry import CartesianOutput as CartesianOutput  # noqa: PLC0414 (part of this module's interface)
+from .cartesian_telemetry import CartesianState as CartesianState  # noqa: PLC0414 (part of this module's interface)
+from .cartesian_tick import CartesianLaw, Measured, SlidingLaw, cartesian_tick
+from .protocol import checked_period
+
+
+@brief_repr()
+@dataclass(frozen=True, eq=False)
+class Posture:
+    """What the motions do that leave the tool where it is, on an arm with more than six joints.
+
+    Attributes:
+        q: Configuration that they are drawn to, shape (nq,); None for the one of the first tick.
+        surface: Sliding surface of the null space's coordinates, with scalar gains; a default one where it is None.
+        reaching: Its reaching law, likewise.
+    """
+
+    q: ArrayLike | None = None
+    surface: Surface | None = None
+    reaching: SuperTwisting | None = None
+
+
+@brief_repr("arm", "frame", "dt", "impedance", "surface", "reaching", "limits")
+@dataclass(frozen=True, eq=False, init=False)
+class CartesianController:
+    """Super-twisting terminal sliding-mode impedance controller for a frame of the arm.
+
+    The target impedance turns the measured wrench f into the reference pose x_r. With J the frame's Jacobian and V a
+    basis of its null space, the joint acceleration and the torque are
+
+        a = J^#·(ẍ_r + feedforward + u - J̇·v) + V·(that of the posture)
+        tau = RNEA(q, v, a) - Jᵀ·f
+
+    The sliding variable at the tool obeys ṡ = -u + w, with w what the model does not know: x_r is reached, and the
+    frame moves as M_d, D_d, K_d demand, with the certificate of the joint-space law. With zeros in its place of the
+    wrench the tool is rigid, and what is not measured is rejected like any other disturbance.
+
+    Near a singularity J^# is damped. What this takes from the tool is in the output (`sigma`, `lost`, `premise_holds`)
+    and does not wind the integral up. Joints keep their velocity and position limits: the others take over.
+
+    `CartesianController(arm)` is complete; `control.cartesian_defaults` states what its gains tolerate.
+
+    A controller is immutable. `step` is pure: the same arguments give the same, bit-equal answer. Two threads must not
+    share one: the kinematics have one work space.
+
+    Attributes:
+        arm: The controller's model of the arm.
+        impedance: Target impedance at the frame; a critically damped one by default.
+        surface: Sliding surface of the three translations and rotations, gains scalar or (6,); see `tool_surface`.
+        reaching: Its reaching law, gains scalar or (6,).
+        dt: Control period [s].
+        frame: Name of the frame; the arm's tool frame by default.
+        posture: Configuration for the null space, shape (nq,), or a `Posture`; by default the configuration of the
+            first tick. It also draws joints whose motion a singularity takes from the tool.
+        limits: `Limits`, or an array-like of torque limits; None for none.
+        joint_limits: Whether the arm's velocity and position limits bound the joint accelerations.
+        damping: Of J^# near singularities.
+
+    Raises:
+        ParameterError: dt is not a positive number, or a limit that is not positive.
+        DimensionError: A gain, a limit or a posture of another size.
+        ModelError: No such frame.
+        UnsupportedJointError: The arm has joints that mimic others.
+    """
+
+    arm: ArmModel
+    impedance: CartesianImpedance
+    surface: Surface
+    reaching: SuperTwisting
+    dt: float
+    frame: str
+    posture: Posture
+    limits: Limits | None
+    joint_limits: bool
+    damping: Damping
+    _law: CartesianLaw
+
+    def __init__(
+        self,
+        arm: ArmModel,
+        impedance: CartesianImpedance | None = None,
+        surface: Surface | None = None,
+        reaching: SuperTwisting | None = None,
+        dt: float = 1e-3,
+        *,
+        frame: str | None = None,
+        posture: Posture | ArrayLike | None = None,
+        limits: Limits | ArrayLike | None = None,
+        joint_limits: bool = True,
+        damping: Damping | None = None,
+    ) -> None:
+        dt, damping = positive_number("dt", dt, "control period in seconds"), damping or Damping()
+        posture = posture if isinstance(posture, Posture) else Posture(posture)
+        kinematics = ToolKinematics(arm, frame)
+        laws = completed_laws(
+            *(arm, kinematics, damping, dt),
+            tool=(surface, reaching),
+            null=(posture.surface, posture.reaching),
+        )
+        set_fields(
+            self,
+            arm=laws.arm,
+            impedance=impedance or default_cartesian_impedance(),
+            surface=laws.tool.surface,
+            reaching=laws.tool.reaching,
+            dt=dt,
+            frame=kinematics.frame,
+            posture=Posture(posture.q, laws.null.surface, laws.null.reaching),
+            limits=as_limits(limits),
+            joint_limits=joint_limits,
+            damping=damping,
+        )
+        self._make_law()
+
+    def _make_law(self) -> None:
+        arm, (q_n, surface, reaching) = self.arm, vars(self.posture).values()
+        for part in (self.surface, self.reaching):
+            part.check(6)
+        null_size = max(arm.nv - 6, 0)
+        for part in (surface, reaching):
+            part.check(null_size)
+        if self.limits is not None:
+            self.limits.check(arm.nv)
+        bounds = JointBounds(*arm.joint_limits(), arm.velocity_limit, self.dt)
+        law = CartesianLaw(
+            arm,
+            ToolKinematics(arm, self.frame),
+            self.impedance.filter(self.dt),
+            SlidingLaw(self.surface, self.reaching),
+            SlidingLaw(surface, reaching),
+            posture=None if q_n is None else arm.check_configuration("posture", q_n).copy(),
+            damping=self.damping,
+            bounds=bounds if self.joint_limits else None,
+            limits=self.limits,
+            dt=self.dt,
+        )
+        set_fields(self, _law=law)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "_law"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        set_fields(self, **state)
+        self._make_law()
+
+    def init(self) -> CartesianState:
+        """Return the state before the first tick: target at rest, integrals zero."""
+        nv, n = self.arm.nv, max(self.arm.nv - 6, 0)
+        six, null = np.zeros(6), np.zeros(n)
+        rest = Displacement(six, six)
+        return CartesianState(
+            0,
+            rest,
+            tool=ReachingState(six, six, six),
+            null=ReachingState(null, null, null),
+            basis=np.zeros((nv, n)),
+            posture=np.zeros(self.arm.nq),
+            tau=np.zeros(nv),
+            pulled=six,
+            displacement_before=rest,
+            z_before=six,
+            z_null_before=null,
+        )
+
+    def step(
+        self,
+        state: CartesianState,
+        q: ArrayLike,
+        v: ArrayLike,
+        reference: CartesianReference,
+        wrench: ArrayLike,
+        tau_ext: ArrayLike | None = None,
+        period: float | None = None,
+    ) -> tuple[CartesianOutput, CartesianState]:
+        """Compute the torque of one tick.
+
+        Args:
+            state: From `init` or from the tick before.
+            q: Measured configuration, shape (nq,).
+            v: Measured velocity, shape (nv,) [rad/s or m/s].
+            reference: Desired motion of the frame at this tick.
+            wrench: Force and moment of the environment on the robot at the frame's origin, in world axes, shape (6,)
+                [N, N·m]: what the target impedance yields to. See `wrench_from_torque` for joint torque sensors.
+            tau_ext: Torque of the environment on the joints, shape (nv,) [N·m or N], which the motors take off;
+                Jᵀ·wrench by default. Where both are known it may hold more than the wrench does: a push at the elbow.
+            period: Measured time since the tick before, see `elapsed`; dt if it is not given [s].
+
+        Returns:
+            The output, and the state for the next tick.
+
+        Raises:
+            DimensionError: Wrong shape or kind.
+            NonFiniteError: An input holds NaN or infinity.
+            InputError: A period that is not positive, or longer than `LONGEST_PERIOD` control periods.
+        """
+        given = Measured(
+            self.arm.check_configuration("q", q),
+            vector("v", v, self.arm.nv),
+            check_cartesian_reference(reference),
+            vector("wrench", wrench, 6, "force, moment"),
+            None if tau_ext is None else vector("tau_ext", tau_ext, self.arm.nv),
+        )
+        if period is not None:
+            state = self.elapsed(state, period)
+        return cartesian_tick(self._law, state, given)
+
+    def elapsed(self, state: CartesianState, period: float) -> CartesianState:
+        """Return the state at a tick that comes a measured time after the one before, instead of dt after it.
+
+        See `ImpedanceController.elapsed`.
+
+        Args:
+            state: From the tick before.
+            period: Time since then, more than 0 and at most `LONGEST_PERIOD`·dt [s].
+
+        Raises:
+            InputError: Not such a number.
+        """
+        period = checked_period(period, self.dt)
+        if state.ticks == 0 or period == self.dt:
+            return state
+        share, tool, null = period / self.dt, state.tool, state.null
+        z = state.z_before + share * (tool.z - state.z_before)
+        z_null = state.z_null_before + share * (null.z - state.z_null_before)
+        return state._replace(
+            displacement=self._law.target.advance(state.displacement_before, state.pulled, period),
+            tool=tool._replace(z=z),
+            null=null._replace(z=z_null),
+        )
+
+    def wrench_from_torque(self, q: ArrayLike, tau_ext: ArrayLike) -> Array:
+        """Return the wrench at the frame that explains a joint torque best, world axes, shape (6,) [N, N·m].
+
+        For joint torque sensors and observers: the damped solution of Jᵀ·wrench = tau_ext. What acts on other links is
+        in it, too, and near a singularity it is smaller than the true one.
+
+        Args:
+            q: Configuration, shape (nq,).
+            tau_ext: Torque of the environment on the joints, shape (nv,) [N·m or N].
+
+        Raises:
+            DimensionError: Wrong shape or kind.
+            NonFiniteError: An input holds NaN or infinity.
+        """
+        J = self.arm.jacobian(q, self.frame)
+        wrench: Array = DampedInverse(J, self.damping).matrix.T @ vector(
+            "tau_ext", tau_ext, self.arm.nv
+        )
+        return wrench
+
+    def impedance_error(self, output: CartesianOutput, a: Array) -> Array:
+        """Return Jᵀ·e, with e what the target's equation lacks at the frame, shape (nv,) [N·m or N].
+
+        e = M_d·ë1 + D_d·ė1 + K_d·e1 in the compliance axes, turned to world axes (paper, eq. 5).
+
+        Args:
+            output: Of the tick.
+            a: Acceleration under the tick's torque, measured or simulated, shape (nv,).
+        """
+        torque: Array = output.jacobian.T @ self.tool_impedance_error(output, a)
+        return torque
+
+    def tool_impedance_error(self, output: CartesianOutput, a: Array) -> Array:
+        """Return what the target's equation lacks at the frame, force and moment in world axes, shape (6,) [N, N·m].
+
+        Args:
+            output: Of the tick.
+            a: Acceleration under the tick's torque, measured or simulated, shape (nv,).
+        """
+        e1, e2 = output.e1, output.e2
+        missed = output.jacobian @ (output.a - a)
+        missed[3:] = RotationVector(e1[3:]).right_inverse @ missed[3:]
+        to_world = np.kron(np.eye(2), output.axes)
+        in_axes = [to_world.T @ e for e in (e1, e2, output.e3 + missed)]
+        error: Array = to_world @ self._law.target.error(*in_axes)
+        return error

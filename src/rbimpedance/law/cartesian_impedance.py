@@ -1,0 +1,234 @@
+"""The target impedance at a frame: mass, damper and spring in six directions, exact at any rotation below 2π.
+
+The displacement ξ = (ξ_p, ξ_φ) of x_r from x_d is a translation and a rotation vector in the compliance axes R_c. It
+obeys the linear target of the joint space, with the moment pulled back by the Jacobian of the exponential map:
+
+    M_d ξ̈ + D_d ξ̇ + K_d ξ = ŵ = (R_cᵀ f, J_l(ξ_φ)ᵀ R_cᵀ m)
+
+The angular velocity of the displacement is R_c J_l(ξ_φ) ξ̇_φ, so ŵᵀ ξ̇ is the power of (f, m): the target is passive at
+any angle, and its discrete filter is the exact one of the joint space. docs/theory.md has the derivation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._common.arrays import Array, real
+from .._common.brief import brief_repr
+from .._common.frozen import set_fields
+from ..exceptions import DimensionError, ParameterError
+from .impedance import Impedance
+from .poses import CartesianReference, Pose, rotation_matrix
+from .rotations import RotationVector, cross
+
+Axes: TypeAlias = Literal["world", "reference"] | ArrayLike
+"""Compliance axes: the world's, those of the reference pose, or a constant rotation from them to world axes, (3, 3)."""
+
+_WORDS = (
+    "a pair (translation, rotation), six numbers, or a symmetric positive definite matrix (6, 6)"
+)
+_EXAMPLE = ", e.g. CartesianImpedance(mass=(3.0, 0.15), stiffness=(1000.0, 30.0))"
+
+
+@brief_repr("mass", "damping", "stiffness", "axes")
+@dataclass(frozen=True, eq=False, init=False)
+class CartesianImpedance:
+    """The mass, damper and spring that a frame of the arm should feel like, in its compliance axes.
+
+    Each is a pair (translation, rotation), a vector (6,) or a symmetric positive definite matrix (6, 6), translations
+    first. `CartesianImpedance((3.0, 0.15), ([1000, 1000, 200, 30, 30, 10]))` is critically damped and soft in z.
+
+    Attributes:
+        mass: M_d, shape (6,) or (6, 6) [kg, kg·m²].
+        stiffness: K_d, likewise [N/m, N·m/rad].
+        damping: D_d, likewise [N·s/m, N·m·s/rad]; None where a damping ratio is used.
+        damping_ratio: ζ of every vibration mode of (M_d, K_d); 1 if neither it nor the damping is given, None where
+            the damping is given.
+        axes: "world", "reference" (the axes of the desired pose, which turn with it), or the compliance axes as the
+            columns of a constant rotation matrix, in world axes.
+
+    Raises:
+        ParameterError: A value that is not finite, not symmetric or not positive definite, both `damping` and
+            `damping_ratio` given, or unknown axes.
+        DimensionError: A shape other than (2,), (6,) or (6, 6), or axes that are no rotation matrix.
+    """
+
+    mass: Array
+    stiffness: Array
+    damping: Array | None
+    damping_ratio: float | None
+    axes: Literal["world", "reference"] | Array
+    linear: Impedance
+
+    def __init__(
+        self,
+        mass: ArrayLike,
+        stiffness: ArrayLike,
+        damping: ArrayLike | None = None,
+        damping_ratio: float | None = None,
+        axes: Axes = "world",
+    ) -> None:
+        linear = Impedance(
+            _six("mass", mass),
+            None if damping is None else _six("damping", damping),
+            _six("stiffness", stiffness),
+            damping_ratio=damping_ratio,
+        )
+        set_fields(
+            self,
+            mass=linear.mass,
+            stiffness=linear.stiffness,
+            damping=linear.damping,
+            damping_ratio=linear.damping_ratio,
+            axes=_checked_axes(axes),
+            linear=linear,
+        )
+
+    def filter(self, dt: float) -> CartesianFilter:
+        """Return its discrete filter at the period dt [s]."""
+        return CartesianFilter(self, dt)
+
+
+class Displacement(NamedTuple):
+    """Displacement of x_r from x_d in the compliance axes.
+
+    Attributes:
+        xi: Translation and rotation vector ξ, shape (6,) [m, rad].
+        rate: ξ̇, shape (6,).
+    """
+
+    xi: Array
+    rate: Array
+
+
+class CartesianFilter:
+    """Exact zero-order-hold step of a `CartesianImpedance`, and the reference x_r that follows from it."""
+
+    def __init__(self, impedance: CartesianImpedance, dt: float) -> None:
+        self._linear = impedance.linear.filter(6, dt)
+        self._turns = isinstance(impedance.axes, str) and impedance.axes == "reference"
+        self._axes = np.eye(3) if isinstance(impedance.axes, str) else impedance.axes
+
+    def axes(self, desired: CartesianReference) -> Array:
+        """Return the compliance axes R_c as columns in world axes, shape (3, 3)."""
+        return desired.pose.rotation if self._turns else self._axes
+
+    def pulled_back(self, now: Displacement, desired: CartesianReference, wrench: Array) -> Array:
+        """Return ŵ = (R_cᵀ f, J_l(ξ_φ)ᵀ R_cᵀ m), shape (6,) [N, N·m].
+
+        Args:
+            now: Displacement at this tick.
+            desired: Desired motion.
+            wrench: Force and moment of the environment at the frame's origin, world axes, shape (6,).
+        """
+        to_compliance = self.axes(desired).T
+        moment = RotationVector(now.xi[3:]).left.T @ (to_compliance @ wrench[3:])
+        return np.concatenate([to_compliance @ wrench[:3], moment])
+
+    def reference(
+        self, now: Displacement, desired: CartesianReference, pulled: Array
+    ) -> CartesianReference:
+        """Return x_r = x_d (+) ξ with its velocity and acceleration.
+
+        Args:
+            now: Displacement at this tick.
+            desired: Desired motion x_d.
+            pulled: ŵ of `pulled_back`.
+        """
+        acceleration = self._linear.acceleration(now.xi, now.rate, pulled)
+        compose = _in_turning_axes if self._turns else _in_constant_axes
+        return compose(self.axes(desired), now, acceleration, desired)
+
+    def advance(
+        self, now: Displacement, pulled: Array, period: float | None = None
+    ) -> Displacement:
+        """Return the displacement one period later, with ŵ held.
+
+        Args:
+            now: Displacement.
+            pulled: ŵ over the period, shape (6,).
+            period: Another than the filter's own, as measured [s].
+        """
+        return Displacement(*self._linear.advance(now.xi, now.rate, pulled, period))
+
+    def error(self, e1: Array, e2: Array, e3: Array) -> Array:
+        """Return M_d·e3 + D_d·e2 + K_d·e1, what the target's equation lacks, shape (6,) [N, N·m].
+
+        Args:
+            e1: Pose error in the compliance axes, shape (6,) [m, rad].
+            e2: Velocity error, shape (6,).
+            e3: Acceleration error, shape (6,).
+        """
+        zero = np.zeros(6)  # the residual of a linear target depends on the errors alone
+        return self._linear.error(e1, e2, e3, zero, zero)
+
+
+def _in_constant_axes(
+    R_c: Array, now: Displacement, acceleration: Array, desired: CartesianReference
+) -> CartesianReference:
+    """R_r = R_c exp(ξ_φ) R_cᵀ R_d and p_r = p_d + R_c ξ_p, for constant R_c."""
+    (xi, rate), (pose, v, a) = now, desired
+    phi = RotationVector(xi[3:])
+    G = R_c @ phi.matrix @ R_c.T
+    omega, alpha = _turning(R_c, phi, rate[3:], acceleration[3:])
+    carried = G @ v[3:]
+    return CartesianReference(
+        Pose(G @ pose.rotation, pose.translation + R_c @ xi[:3]),
+        np.concatenate([v[:3] + R_c @ rate[:3], omega + carried]),
+        np.concatenate([a[:3] + R_c @ acceleration[:3], alpha + cross(omega, carried) + G @ a[3:]]),
+    )
+
+
+def _in_turning_axes(
+    R_d: Array, now: Displacement, acceleration: Array, desired: CartesianReference
+) -> CartesianReference:
+    """R_r = R_d exp(ξ_φ) and p_r = p_d + R_d ξ_p: R_c = R_d(t) turns with the reference."""
+    (xi, rate), (pose, v, a) = now, desired
+    phi, w_d, a_d = RotationVector(xi[3:]), v[3:], a[3:]
+    omega, alpha = _turning(R_d, phi, rate[3:], acceleration[3:])
+    x, dx, ddx = R_d @ xi[:3], R_d @ rate[:3], R_d @ acceleration[:3]
+    centrifugal = cross(w_d, cross(w_d, x))
+    return CartesianReference(
+        Pose(R_d @ phi.matrix, pose.translation + x),
+        np.concatenate([v[:3] + cross(w_d, x) + dx, w_d + omega]),
+        np.concatenate(
+            [
+                a[:3] + cross(a_d, x) + centrifugal + 2.0 * cross(w_d, dx) + ddx,
+                a_d + alpha + cross(w_d, omega),
+            ]
+        ),
+    )
+
+
+def _turning(
+    R_c: Array, phi: RotationVector, rate: Array, acceleration: Array
+) -> tuple[Array, Array]:
+    """R_c J_l φ̇ and R_c (J_l φ̈ + J̇_l φ̇): velocity and acceleration of exp(φ) in world axes."""
+    J_l = phi.left
+    return R_c @ (J_l @ rate), R_c @ (J_l @ acceleration + phi.left_rate(rate) @ rate)
+
+
+def _six(name: str, value: ArrayLike) -> Array:
+    """A pair, a vector or a matrix for six directions; `Impedance` checks the numbers."""
+    array = real(name, value, _WORDS + _EXAMPLE)
+    if array.shape == (2,):
+        return np.repeat(array, 3)
+    if array.shape not in ((6,), (6, 6)):
+        raise DimensionError(name, _WORDS + _EXAMPLE, f"shape {array.shape}")
+    return array
+
+
+def _checked_axes(axes: Axes) -> Literal["world", "reference"] | Array:
+    if isinstance(axes, str):
+        if axes == "world":
+            return "world"
+        if axes == "reference":
+            return "reference"
+        raise ParameterError("axes", axes, '"world", "reference" or a rotation matrix (3, 3)')
+    rotation = rotation_matrix("axes", axes).copy()
+    rotation.setflags(write=False)
+    return rotation

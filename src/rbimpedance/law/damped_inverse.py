@@ -1,0 +1,118 @@
+"""From the tool to the joints: the inverse of a Jacobian, damped where it is nearly singular, and its null space.
+
+Linear rows are divided by a length before singular values are compared with a threshold: metres and radians then count
+alike. Damping grows from 0 at σ₀, direction by direction: μ_i = μ·(1 - (σ_i/σ₀)²) (S. Chiaverini, B. Siciliano,
+O. Egeland, Review of the damped least-squares inverse kinematics, IEEE T-CST 2(2), 1994).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .._common.arrays import Array
+from .._common.frozen import set_fields
+
+_RATE_DAMPING = 1e-4  # of the inverse in the rate of the null space, relative to σ² = 1
+
+
+@dataclass(frozen=True)
+class Damping:
+    """When and how much a Jacobian's inverse is damped.
+
+    Attributes:
+        length: Length by which linear rows are divided [m].
+        threshold: σ₀, singular value of the scaled Jacobian below which its direction is damped.
+        strength: μ, damping at a singular value of 0.
+    """
+
+    length: float = 0.3
+    threshold: float = 0.08
+    strength: float = 0.08
+
+    def scales(self) -> Array:
+        """Return the factors of the six rows, shape (6,)."""
+        return np.repeat([1.0 / self.length, 1.0], 3)
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class DampedInverse:
+    """Singular values of a scaled Jacobian and what follows from them.
+
+    Attributes:
+        matrix: J^#, shape (nv, 6).
+        basis: Orthonormal basis of the null space, shape (nv, max(nv - 6, 0)).
+        sigma: Smallest singular value of the scaled Jacobian.
+        lost: Share of each row's unit motion that the damping takes, from 0 to 1, shape (6,); 1 where the joints cannot
+            move the tool.
+        is_whole: Whether nothing is lost.
+    """
+
+    matrix: Array
+    basis: Array
+    sigma: float
+    lost: Array
+    is_whole: bool
+    _joint_directions: Array
+    _lost_shares: Array
+
+    def __init__(self, J: Array, damping: Damping) -> None:
+        scales = damping.scales()
+        U, S, Vt = np.linalg.svd(scales[:, None] * J)
+        rank = len(S)
+        mu = damping.strength * np.maximum(1.0 - (S / damping.threshold) ** 2, 0.0)
+        shares = np.ones(6)  # directions in which nothing moves stay at 1
+        square = S**2 + mu**2
+        kept = np.divide(S**2, square, out=np.zeros_like(S), where=square > 0.0)
+        shares[:rank] = 1.0 - kept
+        gains = np.divide(S, square, out=np.zeros_like(S), where=square > 0.0)
+        set_fields(
+            self,
+            matrix=(Vt[:rank].T * gains) @ (U[:, :rank].T * scales),
+            basis=Vt[rank:].T,
+            sigma=float(S[-1]),
+            lost=np.asarray(U**2 @ shares),
+            is_whole=not shares.any(),
+            _joint_directions=Vt[:rank],
+            _lost_shares=shares[:rank],
+        )
+
+    def in_lost_directions(self, a: Array) -> Array:
+        """Return the part of a joint acceleration that damping leaves free to other uses, shape (nv,)."""
+        directions = self._joint_directions
+        part: Array = directions.T @ (self._lost_shares * (directions @ a))
+        return part
+
+
+def continued_basis(basis: Array, before: Array) -> Array:
+    """Return the orthonormal basis of the same space that is nearest to the one of the tick before, shape (nv, n).
+
+    A singular value decomposition gives null vectors of any sign and, where there are several, in any mixture.
+
+    Args:
+        basis: Orthonormal basis, shape (nv, n).
+        before: The basis to continue, shape (nv, n).
+    """
+    overlap = basis.T @ before
+    if len(overlap) == 1:
+        return np.asarray(np.copysign(1.0, overlap[0, 0]) * basis)
+    U, _, Vt = np.linalg.svd(overlap)  # orthogonal Procrustes problem
+    nearest: Array = basis @ (U @ Vt)
+    return nearest
+
+
+def basis_rate(J: Array, J_rate: Array, basis: Array, damping: Damping) -> Array:
+    """Return V̇ = -J⁺·J̇·V, the rate of the null space's basis, shape (nv, n).
+
+    Args:
+        J: Jacobian, shape (6, nv).
+        J_rate: Its rate J̇, shape (6, nv).
+        basis: V, shape (nv, n).
+        damping: Whose length scales the rows.
+    """
+    scales = damping.scales()[:, None]
+    A = scales * J
+    inverse = A.T @ np.linalg.inv(A @ A.T + _RATE_DAMPING * np.eye(6))
+    rate: Array = -inverse @ (scales * (J_rate @ basis))
+    return rate
