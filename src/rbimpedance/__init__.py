@@ -83,6 +83,7 @@ from .law.surfaces import PowerSurface as PowerSurface
 from .law.surfaces import Surface as Surface
 from .robot.arm_model import ArmModel as ArmModel
 from .robot.cartesian import joint_matrix as joint_matrix
+from .robot.inverse_kinematics import inverse_kinematics as inverse_kinematics
 from .robot.load import load_robot as load_robot
 from .simulation import BatchResult as BatchResult
 from .simulation import scenarios as scenarios

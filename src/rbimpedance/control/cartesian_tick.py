@@ -231,8 +231,9 @@ def _command(
     wanted, lost = inverse.matrix @ b + a_null, np.zeros(6)
     if not inverse.is_whole:
         away = _posture_error(law, state, given.q)
-        wanted += inverse.in_lost_directions(LOST_STIFFNESS * away - LOST_DAMPING * given.v)
-        lost = b - motion.jacobian @ wanted
+        posture = LOST_STIFFNESS * away - LOST_DAMPING * given.v
+        wanted += inverse.in_lost_directions(posture)
+        lost = inverse.missing(b, posture)
     bounded = _within_bounds(law, given, motion, wanted)
     allocation = _within_limits(law, state, given, motion, bounded.a)
     a = bounded.a - allocation.acceleration_deficit

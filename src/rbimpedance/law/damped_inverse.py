@@ -54,18 +54,21 @@ class DampedInverse:
     sigma: float
     lost: Array
     is_whole: bool
+    _tool_directions: Array
     _joint_directions: Array
-    _lost_shares: Array
+    _shares: Array
+    _sizes: Array
+    _scales: Array
 
     def __init__(self, J: Array, damping: Damping) -> None:
         scales = damping.scales()
         U, S, Vt = np.linalg.svd(scales[:, None] * J)
         rank = len(S)
         mu = damping.strength * np.maximum(1.0 - (S / damping.threshold) ** 2, 0.0)
-        shares = np.ones(6)  # directions in which nothing moves stay at 1
+        shares, sizes = np.ones(6), np.zeros(6)  # directions in which nothing moves stay at 1
         square = S**2 + mu**2
         kept = np.divide(S**2, square, out=np.zeros_like(S), where=square > 0.0)
-        shares[:rank] = 1.0 - kept
+        shares[:rank], sizes[:rank] = 1.0 - kept, S
         gains = np.divide(S, square, out=np.zeros_like(S), where=square > 0.0)
         set_fields(
             self,
@@ -74,14 +77,30 @@ class DampedInverse:
             sigma=float(S[-1]),
             lost=np.asarray(U**2 @ shares),
             is_whole=not shares.any(),
+            _tool_directions=U,
             _joint_directions=Vt[:rank],
-            _lost_shares=shares[:rank],
+            _shares=shares,
+            _sizes=sizes,
+            _scales=scales,
         )
 
     def in_lost_directions(self, a: Array) -> Array:
         """Return the part of a joint acceleration that damping leaves free to other uses, shape (nv,)."""
         directions = self._joint_directions
-        part: Array = directions.T @ (self._lost_shares * (directions @ a))
+        part: Array = directions.T @ (self._shares[: len(directions)] * (directions @ a))
+        return part
+
+    def missing(self, b: Array, a: Array) -> Array:
+        """Return b - J·(J^#·b + the part of a in lost directions), shape (6,): zero to the last bit where all is kept.
+
+        Args:
+            b: Tool acceleration that is wanted, shape (6,).
+            a: Joint acceleration that is put into the lost directions, shape (nv,).
+        """
+        U, directions = self._tool_directions, self._joint_directions
+        along = U.T @ (self._scales * b)
+        along[: len(directions)] -= self._sizes[: len(directions)] * (directions @ a)
+        part: Array = U @ (self._shares * along) / self._scales
         return part
 
 

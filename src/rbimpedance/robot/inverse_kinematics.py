@@ -13,7 +13,7 @@ from .arm_model import ArmModel
 from .pinocchio_dynamics import LOCAL_AXES
 
 _REACHED = 1e-8  # residual in metres and radians that counts as reached
-_STARTS = 20
+_STARTS, _EVALUATIONS = 50, 60
 
 
 def inverse_kinematics(
@@ -82,7 +82,14 @@ def _search(arm: ArmModel, wanted: Pose, q: Array, frame: str | None) -> tuple[A
     room = lower - x, upper - x
     begin = np.clip(np.zeros(arm.nv), room[0] + 1e-9, room[1] - 1e-9)
     found = least_squares(
-        residual, begin, jacobian, bounds=room, xtol=1e-15, ftol=1e-15, gtol=1e-15
+        residual,
+        begin,
+        jacobian,
+        bounds=room,
+        xtol=1e-15,
+        ftol=1e-15,
+        gtol=1e-15,
+        max_nfev=_EVALUATIONS,
     )
     step = np.asarray(found.x, dtype=np.float64)
     return arm.raw_dynamics.integrate(q, step), float(np.abs(residual(step)).max())

@@ -26,6 +26,8 @@ from .plants import Plant, RigidPlant
 from .plants.integrators import Integrator
 from .result import SimulationResult
 from .sampling import tick_times
+from .tool_log import empty_tool_channels, tool_log, write_tool
+from .tool_view import ToolTick, ToolView
 from .violations import limits_of
 
 SPEED_BOUND = 1e4
@@ -123,6 +125,14 @@ class ClosedLoop:
         options = {"engine": self.engine, "joint_stops": self.stops}
         return always | {name: value for name, value in options.items() if value is not None}
 
+    def empty_log(self) -> dict[str, Any]:
+        """Return arrays for all that the run logs, first axis time."""
+        samples, arm = self.ticks + 1, self.plant
+        channels = empty_channels(samples, arm.nq, arm.nv)
+        if isinstance(self.controller, ToolView):
+            channels |= empty_tool_channels(samples, arm.nv)
+        return channels
+
     def result(
         self, channels: dict[str, Any], samples: int, diverged: str | None = None
     ) -> SimulationResult:
@@ -133,7 +143,8 @@ class ClosedLoop:
             origin["diverged"] = {"time": time, "joint": diverged}
         return SimulationResult(
             t=tick_times(range(samples), self.controller.dt),
-            **{name: array[:samples] for name, array in channels.items()},
+            **{name: array[:samples] for name, array in channels.items() if name in LOGGED},
+            tool=tool_log({name: array[:samples] for name, array in channels.items()}),
             provenance=origin | {"limits": limits_of(self.plant)},
             forces=Forces(self.environment, self.stops),
             plant=self.plant,
@@ -158,7 +169,7 @@ def run(
     plant: Plant[Any] = loop.engine or RigidPlant(
         loop.plant, loop.integrator, loop.friction_is_stiff()
     )
-    channels = empty_channels(loop.ticks + 1, loop.plant.nq, loop.plant.nv)
+    channels = loop.empty_log()
     moved = plant.begin(loop.q, loop.v, loop.h)
     start = RunState(0, moved, np.zeros(loop.plant.nv), controller.init(), sensor.init())
     if checkpoint is not None:
@@ -178,6 +189,8 @@ def run(
         channels["tau_ext"][k] = tau_ext
         for name in _OUTPUT:
             channels[name][k] = getattr(output, name)
+        if isinstance(output, ToolTick):
+            write_tool(channels, k, output.at_tool)
         if on_tick is not None:
             on_tick(k, loop.ticks)
         if k < loop.ticks:

@@ -19,6 +19,7 @@ from ..robot.arm_model import ArmModel
 from . import result_file
 from .forces import Forces
 from .run_log import RunLog
+from .tool_log import ToolLog, tool_log
 from .verdict import Verdict, growth, verdict_of
 from .violations import Excess, excess
 
@@ -71,10 +72,12 @@ class SimulationResult(RunLog):
         reference_limited: Whether a `ReferenceGuard` holds its reference back, shape (N, nv), bool.
         provenance: What produced it: versions, model names and digests, gains, periods.
         plant: The simulated arm, for pictures; None in a result from a file, which does not hold it.
+        tool: What a `CartesianController` did at its frame; None for other controllers.
         forces: What pushed on it, for `wrench` and `tau_stop`; None in a result from a file or another process.
     """
 
     plant: ArmModel | None = None
+    tool: ToolLog | None = None
     forces: Forces | None = field(default=None, repr=False)
     _derived: dict[str, Array] = field(default_factory=dict, init=False, repr=False)
 
@@ -267,6 +270,7 @@ class SimulationResult(RunLog):
             The path that was written.
         """
         arrays = {channel.name: getattr(self, channel.name) for channel in CHANNELS}
+        arrays |= {} if self.tool is None else self.tool.channels()
         return result_file.write(path, result_file.Content(arrays, self.provenance))
 
     @classmethod
@@ -284,12 +288,14 @@ class SimulationResult(RunLog):
         content = result_file.read(path)
         try:
             arrays = result_file.with_unknown(content.arrays)
+            tool = tool_log(arrays)
+            arrays = {c.name: arrays[c.name] for c in CHANNELS}
             derived = {c.name: arrays.pop(c.name) for c in CHANNELS if c.source == "derived"}
         except KeyError as error:
             raise ModelError(
                 f"'{path}' is not a whole result file written by SimulationResult.save"
             ) from error
-        result = cls(**arrays, provenance=content.provenance)
+        result = cls(**arrays, tool=tool, provenance=content.provenance)
         result._derived.update(derived)
         return result
 

@@ -13,10 +13,13 @@ import numpy as np
 from .._common.files import whole_file
 from ..control.telemetry import CHANNELS
 from ..exceptions import ModelError
+from . import tool_log
 
 FORMAT = 2
 
-UNITS = {channel.name: channel.unit for channel in CHANNELS}
+UNITS = {channel.name: channel.unit for channel in CHANNELS} | {
+    tool_log.PREFIX + name: unit for name, unit in tool_log.UNITS.items()
+}
 """Unit of every channel."""
 
 

@@ -9,8 +9,9 @@ from typing import Any, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import positive_number, vector, whole_number
+from .._common.arrays import Array, positive_number, vector, whole_number
 from .._common.deprecation import renamed_arguments, warn_renamed
+from ..control.cartesian import CartesianController
 from ..control.controller import ImpedanceController
 from ..control.errors import check_reference
 from ..control.protocol import Backend, Controller
@@ -18,6 +19,7 @@ from ..exceptions import ParameterError
 from ..interaction import EnvironmentLike, Perfect, Sensor, as_interaction
 from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory
+from ..trajectories.cartesian import CartesianTrajectory
 from .checkpoint import Checkpoint
 from .closed_loop import ClosedLoop, OnTick, run
 from .compiled_runs import run_around_pinocchio, run_compiled
@@ -25,6 +27,7 @@ from .joint_stops import JointStops
 from .plants import Plant
 from .plants.integrators import INTEGRATORS, Integrator
 from .result import SimulationResult
+from .tool_view import start_of, tool_view
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -55,9 +58,9 @@ def _backend_of_the_controller(function: Callable[P, T]) -> Callable[P, T]:
 @renamed_arguments(wrench="environment")
 @_backend_of_the_controller
 def simulate(  # noqa: PLR0913 (what acts on a run, each given by name)
-    controller: Controller[Any],
+    controller: Controller[Any] | CartesianController,
     plant: ArmModel | Plant[Any],
-    trajectory: Trajectory,
+    trajectory: Trajectory | CartesianTrajectory,
     *,
     environment: EnvironmentLike | None = None,
     sensor: Sensor[Any] | None = None,
@@ -82,15 +85,19 @@ def simulate(  # noqa: PLR0913 (what acts on a run, each given by name)
     other controller, is run in Python; where "compiled" was requested, the logger "rbimpedance" says so, once.
 
     Args:
-        controller: Any object with `arm`, `dt`, `init`, `step` and `impedance_error`.
+        controller: Any object with `arm`, `dt`, `init`, `step` and `impedance_error`; or a `CartesianController`, whose
+            run is done in Python and has `result.tool`.
         plant: The arm that is simulated; give it what the controller does not know. It is copied: controller and
             plant never share a model. Rigid links by Pinocchio's ABA; or another `Plant`, run in Python.
-        trajectory: Desired motion as a function of time.
+        trajectory: Desired motion as a function of time; of the tool for a `CartesianController`.
         environment: None, an `Interaction` (`FrameWrench`, `JointTorque`, ...), or a wrench (6,) at the tool
             frame in world axes, constant or as a function of time.
         sensor: Measurement of the environment's torque: delayed, filtered, or estimated without a force sensor.
-            Exact by default. The result logs the true torque; `replay_sensor` gives the measured one.
-        q0: Initial configuration, shape (nq,); where the trajectory begins by default.
+            Exact by default; the result logs the true torque, and `replay_sensor` gives the measured one. A
+            `CartesianController` has an exact wrist sensor by default, which measures what acts at frames on its link
+            and beyond; from another sensor's torque it computes the wrench.
+        q0: Initial configuration, shape (nq,); where the trajectory begins by default, for a tool by
+            `inverse_kinematics`.
         v0: Initial velocity, shape (nv,); at rest by default.
         duration: Length of the run [s], a multiple of the control period.
         substeps: Physics steps per control period, a positive whole number.
@@ -140,9 +147,9 @@ def _backend(loop: ClosedLoop) -> Backend:
 
 
 def closed_loop(
-    controller: Controller[Any],
+    controller: Any,
     plant: ArmModel | Plant[Any],
-    trajectory: Trajectory,
+    trajectory: Any,
     *,
     environment: EnvironmentLike | None = None,
     q0: ArrayLike | None = None,
@@ -158,17 +165,20 @@ def closed_loop(
     whole_number("substeps", substeps, 1, "the period is a multiple of the physics step")
     check_choice("integrator", integrator, INTEGRATORS)
     arm, engine = (plant, None) if isinstance(plant, ArmModel) else (plant.arm, plant)
+    acting = as_interaction(environment)
     if (controller.arm.nq, controller.arm.nv) != (arm.nq, arm.nv):
         words = f"an arm with the controller's nq, nv = {controller.arm.nq}, {controller.arm.nv}"
         raise ParameterError("plant", repr(plant), words)
-    begin = check_reference(controller.arm, trajectory(0.0)).q if q0 is None else q0
+    begin = _start(controller, trajectory) if q0 is None else q0
     q = arm.check_configuration("q0", begin)
+    if isinstance(controller, CartesianController):
+        controller, sensor = tool_view(controller, arm, acting, sensor)
     return ClosedLoop(
         controller=controller,
         plant=arm,
         engine=engine,
         trajectory=trajectory,
-        environment=as_interaction(environment),
+        environment=acting,
         sensor=Perfect() if sensor is None else sensor,
         q=np.array(q),
         v=np.zeros(arm.nv) if v0 is None else vector("v0", v0, arm.nv).copy(),
@@ -177,6 +187,13 @@ def closed_loop(
         integrator=integrator,
         stops=_stops(joint_stops, arm, controller.dt / substeps),
     )
+
+
+def _start(controller: Any, trajectory: Any) -> Array:
+    """Where the trajectory begins."""
+    if isinstance(controller, CartesianController):
+        return start_of(controller, trajectory)
+    return check_reference(controller.arm, trajectory(0.0)).q
 
 
 def _stops(joint_stops: bool | JointStops, arm: ArmModel, h: float) -> JointStops | None:

@@ -6,6 +6,7 @@ given samples. All refuse positions outside the arm's limits. The room uses `rob
 
 from __future__ import annotations
 
+from . import cartesian as cartesian
 from .limits import amplitude_within_limits as amplitude_within_limits
 from .messages import from_csv as from_csv
 from .messages import from_joint_trajectory as from_joint_trajectory
