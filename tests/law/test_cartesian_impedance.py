@@ -104,7 +104,7 @@ def test_a_moment_that_turns_the_reference_by_more_than_half_a_turn_puts_no_ener
         pulled = flt.pulled_back(now, still, wrench)
         following = flt.advance(now, pulled)
         mean = Displacement((now.xi + following.xi) / 2.0, (now.rate + following.rate) / 2.0)
-        work += 2e-4 * (flt.pulled_back(mean, still, wrench) @ mean.rate)
+        work += 2e-4 * float(flt.pulled_back(mean, still, wrench) @ mean.rate)
         now = following
         stored = (now.rate @ M @ now.rate + now.xi @ K @ now.xi) / 2.0
         farthest = max(farthest, float(np.linalg.norm(now.xi[3:])))
@@ -131,7 +131,7 @@ def test_a_constant_force_displaces_by_the_compliance_in_its_axes(axes: str) -> 
 def test_reference_turns_with_the_world(axes: str) -> None:
     """Everything given in a turned world, compliance axes included, gives the reference of that world."""
     Q = Rotation.from_rotvec([1.1, 0.4, -0.9]).as_matrix()
-    both = np.kron(np.eye(2), Q)
+    both: Array = np.kron(np.eye(2), Q)
     now = Displacement(np.array([0.1, -0.2, 0.05, 0.9, -0.6, 0.4]), np.linspace(-1.0, 1.0, 6))
     stiffness = [900.0, 500.0, 100.0, 20.0, 30.0, 10.0]
 
@@ -160,7 +160,7 @@ def test_damping_ratio_is_that_of_every_mode(rng: np.random.Generator) -> None:
     target = rbi.CartesianImpedance(six_by_six(rng), six_by_six(rng), damping_ratio=0.7)
     M, D, K = target.linear.matrices(6)
     A = np.block([[np.zeros((6, 6)), np.eye(6)], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
-    poles = eigvals(A)
+    poles = np.asarray(eigvals(A))
     assert_allclose(-poles.real / np.abs(poles), 0.7, rtol=1e-9)
 
 

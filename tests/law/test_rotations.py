@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -18,16 +20,18 @@ ANGLES = (0.0, 1e-12, 1e-6, 1e-3, 0.05, 0.3, SMALL, 2.0, PI - 1e-9, PI, PI + 0.1
 AXIS = np.array([0.36, -0.48, 0.8])
 
 
-def power_series(phi: Array, first: int) -> NDArray[np.longdouble]:
+def power_series(phi: Array, first: int) -> Array:
     """Σ [φ]^k/(k + first)!: exp(φ) with first = 0, J_l(φ) with first = 1."""
-    P, term = hat(phi).astype(np.longdouble), np.eye(3, dtype=np.longdouble)
+    P: Any = hat(phi).astype(np.longdouble)
+    term: Any = np.eye(3, dtype=np.longdouble)
     for i in range(1, first + 1):
         term = term / i
     total = term.copy()
     for k in range(1, 80):
         term = term @ P / (k + first)
         total = total + term
-    return total
+    result: Array = total.astype(np.float64)
+    return result
 
 
 def central(function: object, x: Array, rate: Array, h: float = 1e-6) -> Array:
@@ -38,9 +42,9 @@ def central(function: object, x: Array, rate: Array, h: float = 1e-6) -> Array:
 @pytest.mark.parametrize("angle", ANGLES)
 def test_rotation_and_left_jacobian_are_their_power_series(angle: float) -> None:
     phi = RotationVector(angle * AXIS)
-    assert_allclose(phi.matrix, power_series(phi.phi, 0).astype(float), atol=4e-15)
-    assert_allclose(phi.left, power_series(phi.phi, 1).astype(float), atol=4e-15)
-    assert_allclose(phi.right, power_series(-phi.phi, 1).astype(float), atol=4e-15)
+    assert_allclose(phi.matrix, power_series(phi.phi, 0), atol=4e-15)
+    assert_allclose(phi.left, power_series(phi.phi, 1), atol=4e-15)
+    assert_allclose(phi.right, power_series(-phi.phi, 1), atol=4e-15)
     assert_allclose(phi.matrix, Rotation.from_rotvec(phi.phi).as_matrix(), atol=4e-15)
 
 
