@@ -118,7 +118,7 @@ def motion(arm: rbi.ArmModel, q: Array, t: float) -> rbi.CartesianReference:
 
 
 def wrench_at(t: float) -> Array:
-    return np.sin(7.0 * t) * np.array([12.0, 3.0, -16.0, 0.5, -0.8, 0.6])
+    return np.array([12.0, 3.0, -16.0, 0.5, -0.8, 0.6]) * float(np.sin(7.0 * t))
 
 
 def largest_difference(case: Setting, ticks: int, *, plant: rbi.ArmModel) -> tuple[float, float]:
@@ -310,7 +310,9 @@ def test_saturated_torque_is_flagged_and_does_not_wind_up() -> None:
         arm, controller.impedance, controller.surface, controller.reaching, DT, limits=30.0
     )
     far = motion(arm, q, 0.0)
-    far = far._replace(pose=rbi.Pose(far.pose.rotation, far.pose.translation + np.array([0.0, 0.0, 0.3])))
+    far = far._replace(
+        pose=rbi.Pose(far.pose.rotation, far.pose.translation + np.array([0.0, 0.0, 0.3]))
+    )
     state, v = limited.init(), np.zeros(7)
     for _ in range(300):
         output, state = limited.step(state, q, v, far, np.zeros(6))

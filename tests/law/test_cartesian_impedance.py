@@ -1,4 +1,4 @@
-"""The target at the tool: rates by finite differences, power, statics, and what it refuses."""
+"""The target at the tool: rates by finite differences, power, compliance, and what it refuses."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def test_a_constant_force_displaces_by_the_compliance_in_its_axes(axes: str) -> 
 def test_reference_turns_with_the_world(axes: str) -> None:
     """Everything given in a turned world, compliance axes included, gives the reference of that world."""
     Q = Rotation.from_rotvec([1.1, 0.4, -0.9]).as_matrix()
-    both: Array = np.kron(np.eye(2), Q)
+    both = np.asarray(np.kron(np.eye(2), Q), dtype=np.float64)
     now = Displacement(np.array([0.1, -0.2, 0.05, 0.9, -0.6, 0.4]), np.linspace(-1.0, 1.0, 6))
     stiffness = [900.0, 500.0, 100.0, 20.0, 30.0, 10.0]
 
@@ -160,7 +160,7 @@ def test_damping_ratio_is_that_of_every_mode(rng: np.random.Generator) -> None:
     target = rbi.CartesianImpedance(six_by_six(rng), six_by_six(rng), damping_ratio=0.7)
     M, D, K = target.linear.matrices(6)
     A = np.block([[np.zeros((6, 6)), np.eye(6)], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
-    poles = np.asarray(eigvals(A))
+    poles = np.asarray(eigvals(A), dtype=np.complex128)
     assert_allclose(-poles.real / np.abs(poles), 0.7, rtol=1e-9)
 
 
