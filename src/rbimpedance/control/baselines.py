@@ -23,6 +23,10 @@ from ..law.impedance import TargetImpedance
 from ..robot.arm_model import ArmModel
 from ..robot.knowledge import Knowledge, model_torque
 from .baseline_law import BaselineTorque, MemorylessBaseline
+from .cartesian_baselines import CartesianHogan as CartesianHogan  # noqa: PLC0414 (part of this module's interface)
+from .cartesian_baselines import CartesianPD as CartesianPD  # noqa: PLC0414 (part of this module's interface)
+from .cartesian_baselines import CartesianPID as CartesianPID  # noqa: PLC0414 (part of this module's interface)
+from .cartesian_baselines import OperationalSpace as OperationalSpace  # noqa: PLC0414 (part of this module's interface)
 from .errors import Tracking
 from .pid import PIDImpedance as PIDImpedance  # noqa: PLC0414 (part of this module's interface)
 

@@ -8,24 +8,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, positive_number, vector
+from .._common.arrays import positive_number
 from .._common.brief import brief_repr
 from .._common.frozen import set_fields
-from ..law.cartesian_impedance import CartesianImpedance, Displacement
-from ..law.damped_inverse import DampedInverse, Damping
+from ..law.cartesian_impedance import CartesianFilter, CartesianImpedance, Displacement
+from ..law.damped_inverse import Damping
 from ..law.joint_bounds import JointBounds
 from ..law.limits import Limits, as_limits
-from ..law.poses import CartesianReference, check_cartesian_reference
-from ..law.rotations import RotationVector
 from ..law.super_twisting import ReachingState, SuperTwisting
 from ..law.surfaces import Surface
 from ..robot.arm_model import ArmModel
 from ..robot.tool_kinematics import ToolKinematics
+from .cartesian_base import CartesianControllerBase, ToolMeasured
 from .cartesian_defaults import completed_laws, default_cartesian_impedance
 from .cartesian_telemetry import CartesianOutput as CartesianOutput  # noqa: PLC0414 (part of this module's interface)
 from .cartesian_telemetry import CartesianState as CartesianState  # noqa: PLC0414 (part of this module's interface)
-from .cartesian_tick import CartesianLaw, Measured, SlidingLaw, cartesian_tick
-from .protocol import checked_period
+from .cartesian_tick import CartesianLaw, SlidingLaw, cartesian_tick
 
 
 @brief_repr()
@@ -46,7 +44,7 @@ class Posture:
 
 @brief_repr("arm", "frame", "dt", "impedance", "surface", "reaching", "limits")
 @dataclass(frozen=True, eq=False, init=False)
-class CartesianController:
+class CartesianController(CartesianControllerBase[CartesianState]):
     """Super-twisting terminal sliding-mode impedance controller for a frame of the arm.
 
     The target impedance turns the measured wrench f into the reference pose x_r. With J the frame's Jacobian and V a
@@ -87,16 +85,11 @@ class CartesianController:
         UnsupportedJointError: The arm has joints that mimic others.
     """
 
-    arm: ArmModel
-    impedance: CartesianImpedance
     surface: Surface
     reaching: SuperTwisting
-    dt: float
-    frame: str
     posture: Posture
     limits: Limits | None
     joint_limits: bool
-    damping: Damping
     _law: CartesianLaw
 
     def __init__(
@@ -186,115 +179,21 @@ class CartesianController:
             z_null_before=null,
         )
 
-    def step(
-        self,
-        state: CartesianState,
-        q: ArrayLike,
-        v: ArrayLike,
-        reference: CartesianReference,
-        wrench: ArrayLike,
-        tau_ext: ArrayLike | None = None,
-        period: float | None = None,
+    @property
+    def _target(self) -> CartesianFilter:
+        return self._law.target
+
+    def _step(
+        self, state: CartesianState, given: ToolMeasured
     ) -> tuple[CartesianOutput, CartesianState]:
-        """Compute the torque of one tick.
-
-        Args:
-            state: From `init` or from the tick before.
-            q: Measured configuration, shape (nq,).
-            v: Measured velocity, shape (nv,) [rad/s or m/s].
-            reference: Desired motion of the frame at this tick.
-            wrench: Force and moment of the environment on the robot at the frame's origin, in world axes, shape (6,)
-                [N, N·m]: what the target impedance yields to. See `wrench_from_torque` for joint torque sensors.
-            tau_ext: Torque of the environment on the joints, shape (nv,) [N·m or N], which the motors take off;
-                Jᵀ·wrench by default. Where both are known it may hold more than the wrench does: a push at the elbow.
-            period: Measured time since the tick before, see `elapsed`; dt if it is not given [s].
-
-        Returns:
-            The output, and the state for the next tick.
-
-        Raises:
-            DimensionError: Wrong shape or kind.
-            NonFiniteError: An input holds NaN or infinity.
-            InputError: A period that is not positive, or longer than `LONGEST_PERIOD` control periods.
-        """
-        given = Measured(
-            self.arm.check_configuration("q", q),
-            vector("v", v, self.arm.nv),
-            check_cartesian_reference(reference),
-            vector("wrench", wrench, 6, "force, moment"),
-            None if tau_ext is None else vector("tau_ext", tau_ext, self.arm.nv),
-        )
-        if period is not None:
-            state = self.elapsed(state, period)
         return cartesian_tick(self._law, state, given)
 
-    def elapsed(self, state: CartesianState, period: float) -> CartesianState:
-        """Return the state at a tick that comes a measured time after the one before, instead of dt after it.
-
-        See `ImpedanceController.elapsed`.
-
-        Args:
-            state: From the tick before.
-            period: Time since then, more than 0 and at most `LONGEST_PERIOD`·dt [s].
-
-        Raises:
-            InputError: Not such a number.
-        """
-        period = checked_period(period, self.dt)
-        if state.ticks == 0 or period == self.dt:
-            return state
+    def _elapsed(self, state: CartesianState, period: float) -> CartesianState:
         share, tool, null = period / self.dt, state.tool, state.null
         z = state.z_before + share * (tool.z - state.z_before)
         z_null = state.z_null_before + share * (null.z - state.z_null_before)
         return state._replace(
-            displacement=self._law.target.advance(state.displacement_before, state.pulled, period),
+            displacement=self._target.advance(state.displacement_before, state.pulled, period),
             tool=tool._replace(z=z),
             null=null._replace(z=z_null),
         )
-
-    def wrench_from_torque(self, q: ArrayLike, tau_ext: ArrayLike) -> Array:
-        """Return the wrench at the frame that explains a joint torque best, world axes, shape (6,) [N, N·m].
-
-        For joint torque sensors and observers: the damped solution of Jᵀ·wrench = tau_ext. What acts on other links is
-        in it, too, and near a singularity it is smaller than the true one.
-
-        Args:
-            q: Configuration, shape (nq,).
-            tau_ext: Torque of the environment on the joints, shape (nv,) [N·m or N].
-
-        Raises:
-            DimensionError: Wrong shape or kind.
-            NonFiniteError: An input holds NaN or infinity.
-        """
-        J = self.arm.jacobian(q, self.frame)
-        wrench: Array = DampedInverse(J, self.damping).matrix.T @ vector(
-            "tau_ext", tau_ext, self.arm.nv
-        )
-        return wrench
-
-    def impedance_error(self, output: CartesianOutput, a: Array) -> Array:
-        """Return Jᵀ·e, with e what the target's equation lacks at the frame, shape (nv,) [N·m or N].
-
-        e = M_d·ë1 + D_d·ė1 + K_d·e1 in the compliance axes, turned to world axes (paper, eq. 5).
-
-        Args:
-            output: Of the tick.
-            a: Acceleration under the tick's torque, measured or simulated, shape (nv,).
-        """
-        torque: Array = output.jacobian.T @ self.tool_impedance_error(output, a)
-        return torque
-
-    def tool_impedance_error(self, output: CartesianOutput, a: Array) -> Array:
-        """Return what the target's equation lacks at the frame, force and moment in world axes, shape (6,) [N, N·m].
-
-        Args:
-            output: Of the tick.
-            a: Acceleration under the tick's torque, measured or simulated, shape (nv,).
-        """
-        e1, e2 = output.e1, output.e2
-        missed = output.jacobian @ (output.a - a)
-        missed[3:] = RotationVector(e1[3:]).right_inverse @ missed[3:]
-        to_world = np.kron(np.eye(2), output.axes)
-        in_axes = [to_world.T @ e for e in (e1, e2, output.e3 + missed)]
-        error: Array = to_world @ self._law.target.error(*in_axes)
-        return error

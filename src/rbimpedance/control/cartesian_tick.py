@@ -16,12 +16,12 @@ from ..law.damped_inverse import DampedInverse, Damping, basis_rate, continued_b
 from ..law.joint_bounds import BoundedAcceleration, JointBounds
 from ..law.limits import Allocation, Limits
 from ..law.poses import CartesianReference, Pose
-from ..law.rotations import RotationVector
 from ..law.super_twisting import ReachingState, SuperTwisting
 from ..law.surfaces import Surface
 from ..robot.arm_model import ArmModel
-from ..robot.tool_kinematics import ToolKinematics, ToolMotion, rotation_error
+from ..robot.tool_kinematics import ToolKinematics, ToolMotion
 from ..trajectories.limits import joint_positions
+from .cartesian_base import ToolErrors, ToolMeasured
 from .cartesian_telemetry import CartesianOutput, CartesianState
 
 LOST_STIFFNESS, LOST_DAMPING = 20.0, 9.0
@@ -63,24 +63,6 @@ class CartesianLaw(NamedTuple):
     dt: float
 
 
-class Measured(NamedTuple):
-    """Checked measurements of a tick.
-
-    Attributes:
-        q: Configuration, shape (nq,).
-        v: Velocity, shape (nv,).
-        desired: Desired motion.
-        wrench: Wrench of the environment at the frame, shape (6,).
-        tau_ext: Its joint torque, shape (nv,); None for Jᵀ·wrench.
-    """
-
-    q: Array
-    v: Array
-    desired: CartesianReference
-    wrench: Array
-    tau_ext: Array | None
-
-
 class Sliding(NamedTuple):
     """One block of coordinates at a tick; arrays have one entry per coordinate.
 
@@ -99,45 +81,6 @@ class Sliding(NamedTuple):
     gain: Array
     before: ReachingState
     after: ReachingState
-
-
-class ToolErrors(NamedTuple):
-    """Errors of the pose, and what a rotation error does to rates.
-
-    Attributes:
-        e1: (p_r - p, log(R_r Rᵀ)), shape (6,).
-        e2: Its rate, shape (6,).
-        rotation: Its rotation vector.
-    """
-
-    e1: Array
-    e2: Array
-    rotation: RotationVector
-
-    @classmethod
-    def of(cls, reference: CartesianReference, motion: ToolMotion) -> ToolErrors:
-        """ė_φ = J_l⁻¹(e_φ) ω_r - J_r⁻¹(e_φ) ω: e2 is the rate of e1 at any angle."""
-        (R_r, p_r), v_r, _ = reference
-        rotation = RotationVector(rotation_error(R_r, motion.rotation))
-        turning = rotation.left_inverse @ v_r[3:] - rotation.right_inverse @ motion.v[3:]
-        return cls(
-            np.concatenate([p_r - motion.translation, rotation.phi]),
-            np.concatenate([v_r[:3] - motion.v[:3], turning]),
-            rotation,
-        )
-
-    def acceleration(self, reference: CartesianReference, omega: Array, y: Array) -> Array:
-        """Return the tool's acceleration for which ë1 = -y, shape (6,)."""
-        _, v_r, a_r = reference
-        e, rate = self.rotation, self.e2[3:]
-        J_l_rate = e.left_inverse_rate(rate)  # that of J_r⁻¹ is its transpose
-        turning = e.left_inverse @ a_r[3:] + J_l_rate @ v_r[3:] - J_l_rate.T @ omega + y[3:]
-        return np.concatenate([a_r[:3] + y[:3], e.right @ turning])
-
-    def of_error(self, acceleration: Array) -> Array:
-        """Return what a tool acceleration is in the coordinates of e1, shape (6,)."""
-        turning = self.rotation.right_inverse @ acceleration[3:]
-        return np.concatenate([acceleration[:3], turning])
 
 
 class NullSpace(NamedTuple):
@@ -197,7 +140,7 @@ class Tick(NamedTuple):
 
 
 def cartesian_tick(
-    law: CartesianLaw, state: CartesianState, given: Measured
+    law: CartesianLaw, state: CartesianState, given: ToolMeasured
 ) -> tuple[CartesianOutput, CartesianState]:
     """Return output and next state of one tick; see `CartesianController.step`."""
     motion = law.kinematics.motion(given.q, given.v)
@@ -221,7 +164,7 @@ def cartesian_tick(
 def _command(
     law: CartesianLaw,
     state: CartesianState,
-    given: Measured,
+    given: ToolMeasured,
     motion: ToolMotion,
     inverse: DampedInverse,
     b: Array,
@@ -240,7 +183,7 @@ def _command(
     return Command(a, wanted - a, lost, bounded.held, allocation)
 
 
-def _output(tick: Tick, given: Measured, axes: Array) -> CartesianOutput:
+def _output(tick: Tick, given: ToolMeasured, axes: Array) -> CartesianOutput:
     motion, inverse, allocation = tick.motion, tick.inverse, tick.command.allocation
     unrealised, _ = tick.unrealised()
     return CartesianOutput(
@@ -269,7 +212,7 @@ def _output(tick: Tick, given: Measured, axes: Array) -> CartesianOutput:
 
 
 def _next_state(
-    law: CartesianLaw, state: CartesianState, given: Measured, tick: Tick
+    law: CartesianLaw, state: CartesianState, given: ToolMeasured, tick: Tick
 ) -> CartesianState:
     at_tool, in_null = tick.unrealised()
     (tool, rest), dt = (tick.tool, tick.rest), law.dt
@@ -320,7 +263,7 @@ def _posture_error(law: CartesianLaw, state: CartesianState, q: Array) -> Array:
 def _null_space(
     law: CartesianLaw,
     state: CartesianState,
-    given: Measured,
+    given: ToolMeasured,
     motion: ToolMotion,
     inverse: DampedInverse,
 ) -> NullSpace:
@@ -337,7 +280,7 @@ def _null_space(
 
 
 def _within_bounds(
-    law: CartesianLaw, given: Measured, motion: ToolMotion, a: Array
+    law: CartesianLaw, given: ToolMeasured, motion: ToolMotion, a: Array
 ) -> BoundedAcceleration:
     if law.bounds is None:
         return BoundedAcceleration(a, np.zeros(len(a), dtype=np.bool_))
@@ -346,12 +289,11 @@ def _within_bounds(
 
 
 def _within_limits(
-    law: CartesianLaw, state: CartesianState, given: Measured, motion: ToolMotion, a: Array
+    law: CartesianLaw, state: CartesianState, given: ToolMeasured, motion: ToolMotion, a: Array
 ) -> Allocation:
     """The torque RNEA(q, v, a) - tau_ext, within the limits."""
     dynamics, q = law.arm.raw_dynamics, given.q
-    tau_ext = motion.jacobian.T @ given.wrench if given.tau_ext is None else given.tau_ext
-    tau = dynamics.inverse_dynamics(q, given.v, a) - tau_ext
+    tau = dynamics.inverse_dynamics(q, given.v, a) - given.external_torque(motion.jacobian)
     before = state.tau if state.ticks else None
     return (law.limits or Limits()).allocate(
         tau, lambda: dynamics.mass_matrix(q), before=before, dt=law.dt

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, positive_number, vector, whole_number
 from .._common.deprecation import renamed_arguments, warn_renamed
-from ..control.cartesian import CartesianController
+from ..control.cartesian_base import CartesianControllerBase
 from ..control.controller import ImpedanceController
 from ..control.errors import check_reference
 from ..control.protocol import Backend, Controller
@@ -58,7 +58,7 @@ def _backend_of_the_controller(function: Callable[P, T]) -> Callable[P, T]:
 @renamed_arguments(wrench="environment")
 @_backend_of_the_controller
 def simulate(  # noqa: PLR0913 (what acts on a run, each given by name)
-    controller: Controller[Any] | CartesianController,
+    controller: Controller[Any] | CartesianControllerBase[Any],
     plant: ArmModel | Plant[Any],
     trajectory: Trajectory | CartesianTrajectory,
     *,
@@ -171,7 +171,7 @@ def closed_loop(
         raise ParameterError("plant", repr(plant), words)
     begin = _start(controller, trajectory) if q0 is None else q0
     q = arm.check_configuration("q0", begin)
-    if isinstance(controller, CartesianController):
+    if isinstance(controller, CartesianControllerBase):
         controller, sensor = tool_view(controller, arm, acting, sensor)
     return ClosedLoop(
         controller=controller,
@@ -191,7 +191,7 @@ def closed_loop(
 
 def _start(controller: Any, trajectory: Any) -> Array:
     """Where the trajectory begins."""
-    if isinstance(controller, CartesianController):
+    if isinstance(controller, CartesianControllerBase):
         return start_of(controller, trajectory)
     return check_reference(controller.arm, trajectory(0.0)).q
 

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._common.arrays import Array, BoolArray
-from ..control.cartesian import CartesianController
-from ..control.cartesian_telemetry import CartesianOutput, CartesianState
+from ..control.cartesian_base import CartesianControllerBase
+from ..control.cartesian_telemetry import CartesianOutput
 from ..exceptions import ParameterError
 from ..interaction import Interaction, Perfect, Sensor
 from ..interaction.wrenches import AppliedWrench, FrameInteraction, says_where, wrench_at
@@ -61,7 +61,7 @@ class ToolView:
             wrench is computed.
     """
 
-    controller: CartesianController
+    controller: CartesianControllerBase[Any]
     measures_wrench: bool
 
     @property
@@ -74,18 +74,18 @@ class ToolView:
         """Control period [s]."""
         return self.controller.dt
 
-    def init(self) -> CartesianState:
+    def init(self) -> Any:
         """Return the state before the first tick."""
         return self.controller.init()
 
     def step(
         self,
-        state: CartesianState,
+        state: Any,
         q: Array,
         v: Array,
         reference: CartesianReference,
         measured: Array,
-    ) -> tuple[ToolTick, CartesianState]:
+    ) -> tuple[ToolTick, Any]:
         """Return the output of one tick and the next state; measured is the wrench or the joint torque."""
         controller = self.controller
         if self.measures_wrench:
@@ -155,7 +155,7 @@ class WristWrench:
 
 
 def tool_view(
-    controller: CartesianController,
+    controller: CartesianControllerBase[Any],
     plant: ArmModel,
     environment: Interaction,
     sensor: Sensor[Any] | None,
@@ -174,7 +174,7 @@ def tool_view(
     return ToolView(controller, measures_wrench=True), wrist
 
 
-def start_of(controller: CartesianController, trajectory: CartesianTrajectory) -> Array:
+def start_of(controller: CartesianControllerBase[Any], trajectory: CartesianTrajectory) -> Array:
     """Return a configuration in which the tool is where the trajectory begins, shape (nq,).
 
     Raises:

@@ -1,0 +1,218 @@
+"""What every controller at the tool offers: the checked step, the measured period, wrenches, the impedance error."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, Generic, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._common.arrays import Array, vector
+from ..law.cartesian_impedance import CartesianFilter, CartesianImpedance
+from ..law.damped_inverse import DampedInverse, Damping
+from ..law.poses import CartesianReference, check_cartesian_reference
+from ..law.rotations import RotationVector
+from ..robot.arm_model import ArmModel
+from ..robot.tool_kinematics import ToolMotion, rotation_error
+from .cartesian_telemetry import CartesianOutput
+from .protocol import StateT, checked_period
+
+
+class ToolMeasured(NamedTuple):
+    """Checked measurements of a tick.
+
+    Attributes:
+        q: Configuration, shape (nq,).
+        v: Velocity, shape (nv,).
+        desired: Desired motion.
+        wrench: Wrench of the environment at the frame, shape (6,).
+        tau_ext: Its joint torque, shape (nv,); None for Jᵀ·wrench.
+    """
+
+    q: Array
+    v: Array
+    desired: CartesianReference
+    wrench: Array
+    tau_ext: Array | None
+
+    def external_torque(self, J: Array) -> Array:
+        """Return the torque of the environment on the joints, shape (nv,)."""
+        return J.T @ self.wrench if self.tau_ext is None else self.tau_ext
+
+
+class ToolErrors(NamedTuple):
+    """Errors of the pose, and what a rotation error does to rates.
+
+    Attributes:
+        e1: (p_r - p, log(R_r Rᵀ)), shape (6,).
+        e2: Its rate, shape (6,).
+        rotation: Its rotation vector.
+    """
+
+    e1: Array
+    e2: Array
+    rotation: RotationVector
+
+    @classmethod
+    def of(cls, reference: CartesianReference, motion: ToolMotion) -> ToolErrors:
+        """ė_φ = J_l⁻¹(e_φ) ω_r - J_r⁻¹(e_φ) ω: e2 is the rate of e1 at any angle."""
+        (R_r, p_r), v_r, _ = reference
+        rotation = RotationVector(rotation_error(R_r, motion.rotation))
+        turning = rotation.left_inverse @ v_r[3:] - rotation.right_inverse @ motion.v[3:]
+        return cls(
+            np.concatenate([p_r - motion.translation, rotation.phi]),
+            np.concatenate([v_r[:3] - motion.v[:3], turning]),
+            rotation,
+        )
+
+    def acceleration(self, reference: CartesianReference, omega: Array, y: Array) -> Array:
+        """Return the tool's acceleration for which ë1 = -y, shape (6,)."""
+        _, v_r, a_r = reference
+        e, rate = self.rotation, self.e2[3:]
+        J_l_rate = e.left_inverse_rate(rate)  # that of J_r⁻¹ is its transpose
+        turning = e.left_inverse @ a_r[3:] + J_l_rate @ v_r[3:] - J_l_rate.T @ omega + y[3:]
+        return np.concatenate([a_r[:3] + y[:3], e.right @ turning])
+
+    def of_error(self, acceleration: Array) -> Array:
+        """Return what a tool acceleration is in the coordinates of e1, shape (6,)."""
+        turning = self.rotation.right_inverse @ acceleration[3:]
+        return np.concatenate([acceleration[:3], turning])
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class CartesianControllerBase(ABC, Generic[StateT]):
+    """What every controller at the tool offers, described once; children give `init`, `_step` and `_elapsed`.
+
+    Attributes:
+        arm: The controller's model of the arm.
+        impedance: Target impedance at the frame.
+        dt: Control period [s].
+        frame: Name of the frame.
+        damping: Of the Jacobian's inverse near singularities.
+    """
+
+    arm: ArmModel
+    impedance: CartesianImpedance
+    dt: float
+    frame: str
+    damping: Damping
+
+    @abstractmethod
+    def init(self) -> StateT:
+        """Return the state before the first tick."""
+
+    @abstractmethod
+    def _step(self, state: StateT, given: ToolMeasured) -> tuple[CartesianOutput, StateT]:
+        """A tick whose measured period is in the state already."""
+
+    @abstractmethod
+    def _elapsed(self, state: StateT, period: float) -> StateT:
+        """`elapsed`, of a period that has been checked and is not dt."""
+
+    @property
+    @abstractmethod
+    def _target(self) -> CartesianFilter:
+        """Filter of the target impedance."""
+
+    def step(
+        self,
+        state: StateT,
+        q: ArrayLike,
+        v: ArrayLike,
+        reference: CartesianReference,
+        wrench: ArrayLike,
+        tau_ext: ArrayLike | None = None,
+        period: float | None = None,
+    ) -> tuple[CartesianOutput, StateT]:
+        """Compute the torque of one tick.
+
+        Args:
+            state: From `init` or from the tick before.
+            q: Measured configuration, shape (nq,).
+            v: Measured velocity, shape (nv,) [rad/s or m/s].
+            reference: Desired motion of the frame at this tick.
+            wrench: Force and moment of the environment on the robot at the frame's origin, in world axes, shape (6,)
+                [N, N·m]: what the target impedance yields to. See `wrench_from_torque` for joint torque sensors.
+            tau_ext: Torque of the environment on the joints, shape (nv,) [N·m or N], which the motors take off;
+                Jᵀ·wrench by default. Where both are known it may hold more than the wrench does: a push at the elbow.
+            period: Measured time since the tick before, see `elapsed`; dt if it is not given [s].
+
+        Returns:
+            The output, and the state for the next tick.
+
+        Raises:
+            DimensionError: Wrong shape or kind.
+            NonFiniteError: An input holds NaN or infinity.
+            InputError: A period that is not positive, or longer than `LONGEST_PERIOD` control periods.
+        """
+        given = ToolMeasured(
+            self.arm.check_configuration("q", q),
+            vector("v", v, self.arm.nv),
+            check_cartesian_reference(reference),
+            vector("wrench", wrench, 6, "force, moment"),
+            None if tau_ext is None else vector("tau_ext", tau_ext, self.arm.nv),
+        )
+        if period is not None:
+            state = self.elapsed(state, period)
+        return self._step(state, given)
+
+    def elapsed(self, state: StateT, period: float) -> StateT:
+        """Return the state at a tick that comes a measured time after the one before; see `ControllerBase.elapsed`.
+
+        Args:
+            state: From the tick before.
+            period: Time since then, more than 0 and at most `LONGEST_PERIOD`·dt [s].
+
+        Raises:
+            InputError: Not such a number.
+        """
+        period, ticks = checked_period(period, self.dt), getattr(state, "ticks", 0)
+        return state if ticks == 0 or period == self.dt else self._elapsed(state, period)
+
+    def wrench_from_torque(self, q: ArrayLike, tau_ext: ArrayLike) -> Array:
+        """Return the wrench at the frame that explains a joint torque best, world axes, shape (6,) [N, N·m].
+
+        For joint torque sensors and observers: the damped solution of Jᵀ·wrench = tau_ext. What acts on other links is
+        in it, too, and near a singularity it is smaller than the true one.
+
+        Args:
+            q: Configuration, shape (nq,).
+            tau_ext: Torque of the environment on the joints, shape (nv,) [N·m or N].
+
+        Raises:
+            DimensionError: Wrong shape or kind.
+            NonFiniteError: An input holds NaN or infinity.
+        """
+        torque = vector("tau_ext", tau_ext, self.arm.nv)
+        inverse = DampedInverse(self.arm.jacobian(q, self.frame), self.damping)
+        wrench: Array = inverse.matrix.T @ torque
+        return wrench
+
+    def impedance_error(self, output: CartesianOutput, a: Array) -> Array:
+        """Return Jᵀ·e, with e what the target's equation lacks at the frame, shape (nv,) [N·m or N].
+
+        Args:
+            output: Of the tick.
+            a: Acceleration under the tick's torque, measured or simulated, shape (nv,).
+        """
+        torque: Array = output.jacobian.T @ self.tool_impedance_error(output, a)
+        return torque
+
+    def tool_impedance_error(self, output: CartesianOutput, a: Array) -> Array:
+        """Return what the target's equation lacks at the frame, force and moment in world axes, shape (6,) [N, N·m].
+
+        It is M_d·ë1 + D_d·ė1 + K_d·e1 in the compliance axes (paper, eq. 5), turned to world axes.
+
+        Args:
+            output: Of the tick.
+            a: Acceleration under the tick's torque, measured or simulated, shape (nv,).
+        """
+        e1, e2 = output.e1, output.e2
+        missed = output.jacobian @ (output.a - a)
+        missed[3:] = RotationVector(e1[3:]).right_inverse @ missed[3:]
+        to_world = np.kron(np.eye(2), output.axes)
+        in_axes: list[Any] = [to_world.T @ e for e in (e1, e2, output.e3 + missed)]
+        error: Array = to_world @ self._target.error(*in_axes)
+        return error
