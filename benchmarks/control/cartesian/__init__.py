@@ -1,0 +1,1 @@
+"""The law at the tool against what a user has today."""

@@ -1,0 +1,106 @@
+"""The tables of docs/tool.md: the law at the tool against what a user has today.
+
+    python -m benchmarks.control.cartesian [--robots panda ...] [--jobs 1]
+
+Writes docs/figures/cartesian.json and rewrites the tables of the page; robots that are left out keep what they had.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+from concurrent.futures import ProcessPoolExecutor
+
+from benchmarks import pages
+from benchmarks.progress import bar
+
+from .measure import measured
+from .task import case, laws
+
+ROBOTS = ("panda", "ur5", "gen3")
+NOISY = ("super-twisting", "PID on x_r, poles 40", "PID on x_r, poles 100", "Hogan, measured force")
+
+
+def _one(run: tuple[str, str, bool]) -> dict[str, Any]:
+    robot, law, noisy = run
+    return measured(robot, law, noisy=noisy)
+
+
+def _figure(row: dict[str, Any], kind: str) -> str:
+    if "diverged" in row:
+        return "diverged"
+    return f"{pages.power(row[kind + '_position'])} / {pages.power(row[kind + '_rotation'])}"
+
+
+def _ratio(row: dict[str, Any]) -> str:
+    if "diverged" in row:
+        return "–"
+    return f"{row['variation'] / row['variation_needed']:.2f}"
+
+
+def tables(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
+    """Return the tables of the page by name."""
+    plain = [row for row in rows if not row["noisy"]]
+    names = list(dict.fromkeys(row["law"] for row in plain))
+    found = {(row["robot"], row["law"]): row for row in plain}
+    robots = [robot for robot in ROBOTS if any(row["robot"] == robot for row in plain)]
+    header = ["law", *(f"{robot} {kind}" for robot in robots for kind in ("free", "push"))]
+    lines = [
+        [
+            name,
+            *(_figure(found[robot, name], kind) for robot in robots for kind in ("free", "push")),
+        ]
+        for name in names
+    ]
+    torque = [[name, *(_ratio(found[robot, name]) for robot in robots)] for name in names]
+    noisy = [
+        [
+            row["law"],
+            pages.power(row.get("free_position_rms")),
+            pages.power(row.get("push_position")),
+            f"{row.get('variation', float('nan')):.0f}",
+        ]
+        for row in rows
+        if row["noisy"]
+    ]
+    return {
+        "deviation": pages.markdown(header, lines),
+        "torque": pages.markdown(["law", *robots], torque),
+        "noise": pages.markdown(["law", "rms free [m]", "largest, push [m]", "N·m/s"], noisy),
+    }
+
+
+def main() -> None:
+    """Measure, write and tabulate."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--robots", nargs="*", choices=ROBOTS, default=list(ROBOTS))
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--out", type=Path, default=pages.FIGURES)
+    parser.add_argument("--docs", type=Path, default=pages.DOCS, help="folder of the page")
+    parser.add_argument("--tabulate", action="store_true", help="only tabulate what is there")
+    asked = parser.parse_args()
+    path = asked.out / "cartesian.json"
+    rows = json.loads(path.read_text("utf-8")) if path.exists() else []
+    if not asked.tabulate:
+        runs = [(robot, law, False) for robot in asked.robots for law in laws(case(robot).arm)]
+        runs += [("panda", law, True) for law in NOISY if "panda" in asked.robots]
+        rows = [row for row in rows if row["robot"] not in asked.robots]
+        with bar() as progress, ProcessPoolExecutor(asked.jobs) as pool:
+            task = progress.add_task("runs", total=len(runs))
+            for row in pool.map(_one, runs):
+                rows.append(pages.plain(row))
+                progress.advance(task)
+        asked.out.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(rows, indent=1) + "\n", "utf-8")
+    pages.rewrite(asked.docs / "tool.md", tables(rows))
+
+
+if __name__ == "__main__":
+    main()
