@@ -19,7 +19,7 @@ from ..robot.arm_model import ArmModel
 from . import result_file
 from .forces import Forces
 from .run_log import RunLog
-from .tool_log import ToolLog, tool_log
+from .tool_log import tool_log
 from .verdict import Verdict, growth, verdict_of
 from .violations import Excess, excess
 
@@ -77,7 +77,6 @@ class SimulationResult(RunLog):
     """
 
     plant: ArmModel | None = None
-    tool: ToolLog | None = None
     forces: Forces | None = field(default=None, repr=False)
     _derived: dict[str, Array] = field(default_factory=dict, init=False, repr=False)
 
@@ -190,6 +189,7 @@ class SimulationResult(RunLog):
         - its error is large and does not fall: in the last quarter of the run, the root-mean-square of e1 is above
           0.05 rad or m plus a quarter of the range of the joint's reference, at most 0.5, and above 0.8 times that of
           the quarter before;
+        - the pose error of a controller at the tool is large and does not fall: above 0.05 m or rad in the same sense;
         - a joint deviated far, also where it came back: abs(e1) was above 0.1 rad or m plus half of the range of its
           reference, at most 0.5, plus 1.5 times the largest error at the start and what half a second of the velocity
           error there makes. With more than that, the arm was somewhere else than its motion;

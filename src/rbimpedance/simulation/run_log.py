@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .._common.arrays import Array, BoolArray
+from .tool_log import ToolLog
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -28,6 +29,7 @@ class RunLog:
     clipped: BoolArray
     reference_limited: BoolArray
     provenance: Mapping[str, Any]
+    tool: ToolLog | None = None
 
     @property
     def joint_names(self) -> tuple[str, ...]:

@@ -50,7 +50,7 @@ class Finding(NamedTuple):
 
     Attributes:
         kind: "divergence", "position", "error", "deviation", "effort", "saturation" or "chatter".
-        joint: Name of the joint that is worst.
+        joint: Name of the joint that is worst; "tool" for an error of the pose.
         time: When it began; for the error the end of the run, for the deviation when it was largest [s].
         size: Speed, distance beyond the limit, error, largest error, torque beyond the limit, share of the ticks, or
             root-mean-square of the torque's ripple.
@@ -92,7 +92,7 @@ class Verdict:
 def verdict_of(result: RunLog) -> Verdict:
     """Return whether a run failed; see `SimulationResult.verdict` for the definition."""
     sizes, start = _errors_by_quarter(result), _end_of_start(result)
-    errors = tuple(_error(result, sizes)) or tuple(_deviation(result))
+    errors = tuple(_error(result, sizes)) or tuple(_deviation(result)) or tuple(_tool(result))
     findings = (
         *(*_divergence(result), *_position(result), *errors, *_effort(result)),
         *(*_saturation(result, start), *_chatter(result, start)),
@@ -145,6 +145,18 @@ def _error(result: RunLog, sizes: Array) -> Iterator[Finding]:
             f"and that {grows}"
         )
         yield Finding("error", name, float(result.t[-1]), size, words)
+
+
+def _tool(result: RunLog) -> Iterator[Finding]:
+    """A pose error that is large in the last quarter, and does not fall; joints have none near a singularity."""
+    if result.tool is None or len(result.t) < _FEWEST_SAMPLES:
+        return
+    for columns, unit in ((slice(0, 3), "m"), (slice(3, 6), "rad")):
+        error = np.linalg.norm(result.tool.e1[:, columns], axis=1)
+        before, last = (np.sqrt(np.mean(x**2)) for x in np.array_split(error, 4)[2:])
+        if not (last <= LARGE or last < FALLING * before):  # NaN is large, and does not fall
+            words = f"the tool is {error[-1]:.3g} {unit} from its reference, and that does not fall"
+            yield Finding("error", "tool", float(result.t[-1]), float(last), words)
 
 
 def _deviation(result: RunLog) -> Iterator[Finding]:
