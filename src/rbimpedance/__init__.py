@@ -99,9 +99,11 @@ from .simulation.result import SimulationResult as SimulationResult
 from .study import Study as Study
 from .study import run_study as run_study
 from .trajectories import Reference as Reference
+from .tuning import CartesianGainProposal as CartesianGainProposal
 from .tuning import GainProposal as GainProposal
 from .tuning import MotionMargin as MotionMargin
 from .tuning import Uncertainty as Uncertainty
+from .tuning import propose_cartesian_gains as propose_cartesian_gains
 from .tuning import propose_gains as propose_gains
 from .tuning.gains_file import load_gains as load_gains
 from .tuning.gains_file import save_gains as save_gains

@@ -114,6 +114,8 @@ def continued_basis(basis: Array, before: Array) -> Array:
         before: The basis to continue, shape (nv, n).
     """
     overlap = basis.T @ before
+    if len(overlap) == 0:
+        return basis
     if len(overlap) == 1:
         return np.asarray(np.copysign(1.0, overlap[0, 0]) * basis)
     U, _, Vt = np.linalg.svd(overlap)  # orthogonal Procrustes problem

@@ -36,6 +36,10 @@ class ToolKinematics:
 
     Each instance owns its `pin.Data` and returns copies; two threads must not share one.
 
+    Attributes:
+        frame: Name of the frame.
+        nv: Number of joints.
+
     Args:
         arm: The arm.
         frame: Name of the frame; the arm's tool frame by default.
@@ -55,6 +59,7 @@ class ToolKinematics:
         self.frame = arm.tool_frame if frame is None else frame
         self._frame_id = arm.raw_dynamics.frame_ids[self.frame]
         self._model, self._data = model, model.createData()
+        self.nv = int(model.nv)
         self._zero = np.zeros(model.nv)
 
     def motion(self, q: Array, v: Array) -> ToolMotion:

@@ -136,8 +136,8 @@ def _look(model: ArmModel, sample: PlantSample, motions: Sequence[Motion], dt: f
     inertia, low, high = np.full(nv, np.inf), (np.inf, 0), (0.0, 0)
     softest, stiffest = (dt * slope for slope in _friction_slopes(sample.plant))
     for now, then in motions:
-        missed, pushed = _missed(model, sample, now, softest)
-        _, pushed_then = _missed(model, sample, then, softest)
+        missed, pushed = missed_torque(model, sample, now, softest)
+        _, pushed_then = missed_torque(model, sample, then, softest)
         torque = np.maximum(torque, np.abs(missed))
         disturbance = np.maximum(disturbance, np.abs(pushed))
         rate = np.maximum(rate, np.abs(pushed_then - pushed) / dt)
@@ -150,10 +150,17 @@ def _look(model: ArmModel, sample: PlantSample, motions: Sequence[Motion], dt: f
     return _Seen(torque, disturbance, rate, inertia, low, high)
 
 
-def _missed(
+def missed_torque(
     model: ArmModel, sample: PlantSample, motion: Reference, held: Array
 ) -> tuple[Array, Array]:
-    """Torque error of the model on a motion, and the corresponding acceleration."""
+    """Return the torque error of the model on a motion, and the corresponding acceleration, each of shape (nv,).
+
+    Args:
+        model: The controller's.
+        sample: The plant.
+        motion: Configuration, velocity and acceleration.
+        held: What friction adds to the inertia over a period, shape (nv,).
+    """
     asked = sample.torque_constant * model.raw_dynamics.inverse_dynamics(*motion)
     missed = sample.plant.raw_dynamics.inverse_dynamics(*motion) - asked
     M = sample.plant.raw_dynamics.mass_matrix(motion.q) + np.diag(held)
