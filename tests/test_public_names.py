@@ -59,6 +59,8 @@ def objects() -> dict[str, Any]:
         controller.init(), arm.ready, np.zeros(7), still(0.0), np.zeros(7)
     )
     many = [arm.ready, arm.ready + 0.1]
+    tool, there = rbi.CartesianController(arm), rbi.trajectories.cartesian.hold(arm)
+    at_tool, tool_state = tool.step(tool.init(), arm.ready, np.zeros(7), there(0.0), np.zeros(6))
     return {
         "arm": arm,
         "impedance": impedance,
@@ -89,6 +91,14 @@ def objects() -> dict[str, Any]:
         "certificate": rbi.certify(8.0, 10.0, 5.0, s0=0.5, disturbance0=0.0),
         "drives": rbi.DrivenPlant(arm, time_constant=1e-3),
         "margin": rbi.MotionMargin(),
+        "tool": tool,
+        "target at the tool": rbi.CartesianImpedance((3.0, 0.1), np.eye(6), axes=np.eye(3)),
+        "output at the tool": at_tool,
+        "state at the tool": tool_state,
+        "reference at the tool": there(0.0),
+        "circle": rbi.trajectories.cartesian.circle(there(0.0).pose, 0.1, 4.0),
+        "hold at the tool": there,
+        "PID at the tool": rbi.baselines.CartesianPID(arm, tool.impedance, 40.0),
         "baseline": rbi.baselines.PDPlus(arm, impedance, 1e-3),
     }
 

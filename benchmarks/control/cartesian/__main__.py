@@ -1,8 +1,8 @@
 """The tables of docs/tool.md: the law at the tool against what a user has today.
 
-    python -m benchmarks.control.cartesian [--robots panda ...] [--jobs 1]
+    python -m benchmarks.control.cartesian [--robots panda ...] [--laws NAME ...] [--jobs 1]
 
-Writes docs/figures/cartesian.json and rewrites the tables of the page; robots that are left out keep what they had.
+Writes docs/figures/cartesian.json and rewrites the tables of the page; robots and laws that are left out keep what they had.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from benchmarks import pages
 from benchmarks.progress import bar
 
 from .measure import measured
-from .task import case, laws
+from .task import LAWS
 
 ROBOTS = ("panda", "ur5", "gen3")
-NOISY = ("super-twisting", "PID on x_r, poles 40", "PID on x_r, poles 100", "Hogan, measured force")
+NOISY = (*list(LAWS)[:2], "PID on x_r, poles 40", "PID on x_r, poles 100", "Hogan, measured force")
 
 
 def _one(run: tuple[str, str, bool]) -> dict[str, Any]:
@@ -81,6 +81,7 @@ def main() -> None:
     """Measure, write and tabulate."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--robots", nargs="*", choices=ROBOTS, default=list(ROBOTS))
+    parser.add_argument("--laws", nargs="*", choices=LAWS, default=list(LAWS))
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--out", type=Path, default=pages.FIGURES)
     parser.add_argument("--docs", type=Path, default=pages.DOCS, help="folder of the page")
@@ -89,14 +90,15 @@ def main() -> None:
     path = asked.out / "cartesian.json"
     rows = json.loads(path.read_text("utf-8")) if path.exists() else []
     if not asked.tabulate:
-        runs = [(robot, law, False) for robot in asked.robots for law in laws(case(robot).arm)]
-        runs += [("panda", law, True) for law in NOISY if "panda" in asked.robots]
-        rows = [row for row in rows if row["robot"] not in asked.robots]
+        runs = [(robot, law, False) for robot in asked.robots for law in asked.laws]
+        runs += [("panda", law, True) for law in asked.laws if law in NOISY]
+        rows = [row for row in rows if (row["robot"], row["law"], row["noisy"]) not in runs]
         with bar() as progress, ProcessPoolExecutor(asked.jobs) as pool:
             task = progress.add_task("runs", total=len(runs))
             for row in pool.map(_one, runs):
                 rows.append(pages.plain(row))
                 progress.advance(task)
+        rows.sort(key=lambda row: (ROBOTS.index(row["robot"]), list(LAWS).index(row["law"])))
         asked.out.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(rows, indent=1) + "\n", "utf-8")
     pages.rewrite(asked.docs / "tool.md", tables(rows))

@@ -10,7 +10,7 @@ import rbimpedance as rbi
 from benchmarks.arms import Array
 from rbimpedance.control.cartesian_base import CartesianControllerBase, ToolMeasured
 
-from .task import DURATION, FREE, UNDER_PUSH, Circle, case, laws, push
+from .task import DURATION, FREE, LAWS, UNDER_PUSH, Circle, case, push
 
 NOISE = (1e-5, 1e-3, 0.1)
 """Standard deviations of noise on q [rad], v [rad/s] and the force [N]; a twentieth of the last on the moment."""
@@ -52,7 +52,7 @@ class Noisy(CartesianControllerBase[Any]):
 def measured(robot: str, law: str, *, noisy: bool = False) -> dict[str, Any]:
     """Run one law on one arm."""
     arm, q, _ = setting = case(robot)
-    controller, plant = laws(arm)[law], setting.plant()
+    controller, plant = LAWS[law](setting), setting.plant()
     start = rbi.Pose(*arm.frame_placement(q))
     row: dict[str, Any] = {"robot": robot, "law": law, "noisy": noisy}
     try:

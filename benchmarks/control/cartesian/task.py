@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -83,14 +84,33 @@ def push(t: float) -> Array:
     return PUSH * (PUSHED[0] <= t < PUSHED[1])
 
 
-def laws(arm: rbi.ArmModel) -> dict[str, Any]:
-    """Return the law of this library with its default gains, and the baselines."""
-    baselines = rbi.baselines
-    return {
-        "super-twisting": rbi.CartesianController(arm, IMPEDANCE, dt=DT),
-        "Cartesian PD, gravity": baselines.CartesianPD(arm, IMPEDANCE, DT),
-        "operational space, Λ": baselines.OperationalSpace(arm, IMPEDANCE, DT),
-        "Hogan, measured force": baselines.CartesianHogan(arm, IMPEDANCE, DT),
-        "PID on x_r, poles 40": baselines.CartesianPID(arm, IMPEDANCE, 40.0, DT),
-        "PID on x_r, poles 100": baselines.CartesianPID(arm, IMPEDANCE, 100.0, DT),
-    }
+def proposed(setting: Case) -> rbi.CartesianController:
+    """Return the law with the gains that are proposed for what is not known here."""
+    arm, q, payload = setting
+    unknown = rbi.Uncertainty(
+        payload=payload,
+        inertia_scale=(1.0, 1.1),
+        payload_com=(0.0, 0.0, 0.03),
+        payload_gyration=SIZE,
+    )
+    circle = Circle(rbi.Pose(*arm.frame_placement(q)))
+    found = rbi.propose_cartesian_gains(
+        arm, unknown, circle, DT, q0=q, duration=DURATION, samples=8
+    )
+    return found.controller(IMPEDANCE)
+
+
+def _pid(bandwidth: float) -> Callable[[Case], Any]:
+    return lambda it: rbi.baselines.CartesianPID(it.arm, IMPEDANCE, bandwidth, DT)
+
+
+LAWS: dict[str, Callable[[Case], Any]] = {
+    "super-twisting, default gains": lambda it: rbi.CartesianController(it.arm, IMPEDANCE, dt=DT),
+    "super-twisting, proposed gains": proposed,
+    "Cartesian PD, gravity": lambda it: rbi.baselines.CartesianPD(it.arm, IMPEDANCE, DT),
+    "operational space, Λ": lambda it: rbi.baselines.OperationalSpace(it.arm, IMPEDANCE, DT),
+    "Hogan, measured force": lambda it: rbi.baselines.CartesianHogan(it.arm, IMPEDANCE, DT),
+    "PID on x_r, poles 40": _pid(40.0),
+    "PID on x_r, poles 100": _pid(100.0),
+}
+"""Every law of the tables, made for a case."""

@@ -93,6 +93,7 @@ class CartesianImpedance:
         return CartesianFilter(self, dt)
 
 
+@brief_repr()
 class Displacement(NamedTuple):
     """Displacement of x_r from x_d in the compliance axes.
 

@@ -22,6 +22,7 @@ from .checkpoint import Checkpoint
 from .closed_loop import SPEED_BOUND, ClosedLoop, OnTick, empty_channels
 from .result import SimulationResult
 from .sampling import sample, tick_times
+from .tool_view import ToolView
 
 if TYPE_CHECKING:
     from ..robot.compiled.tables import ArmTables
@@ -193,7 +194,8 @@ def reason_against(loop: ClosedLoop) -> str | None:
         return f"its {type(loop.engine).__name__}"
     for part, kind in ((loop.controller, ImpedanceController), (loop.sensor, Perfect)):
         if type(part) is not kind:
-            return f"its {type(part).__name__}"
+            inside = part.controller if isinstance(part, ToolView) else part
+            return f"its {type(inside).__name__}"
     from .compiled.world import reason_against_parts  # noqa: PLC0415
 
     return reason_against_parts(loop.controller, loop.environment)
