@@ -2,7 +2,7 @@
 
     python -m benchmarks.control.cartesian [--robots panda ...] [--laws NAME ...] [--jobs 1]
 
-Writes docs/figures/cartesian.json and rewrites the tables of the page; robots and laws that are left out keep what they had.
+Writes docs/figures/cartesian.json and rewrites the tables of the page; what is left out keeps what it had.
 """
 
 from __future__ import annotations
