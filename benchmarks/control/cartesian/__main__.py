@@ -21,10 +21,11 @@ from concurrent.futures import ProcessPoolExecutor
 from benchmarks import pages
 from benchmarks.progress import bar
 
-from .measure import measured
+from .measure import first_torque, measured
 from .task import LAWS
 
 ROBOTS = ("panda", "ur5", "gen3")
+AWAY = (0.05, 0.2)  # m
 NOISY = (*list(LAWS)[:2], "PID on x_r, poles 40", "PID on x_r, poles 100", "Hogan, measured force")
 
 
@@ -70,7 +71,9 @@ def tables(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
         for row in rows
         if row["noisy"]
     ]
+    starts = [[law, *(f"{first_torque(law, away):.0f}" for away in AWAY)] for law in names]
     return {
+        "start": pages.markdown(["law", *(f"{100 * away:.0f} cm" for away in AWAY)], starts),
         "deviation": pages.markdown(header, lines),
         "torque": pages.markdown(["law", *robots], torque),
         "noise": pages.markdown(["law", "rms free [m]", "largest, push [m]", "N·m/s"], noisy),

@@ -70,6 +70,18 @@ def measured(robot: str, law: str, *, noisy: bool = False) -> dict[str, Any]:
     return row | figures(result, plant)
 
 
+def first_torque(law: str, away: float) -> float:
+    """Largest torque beyond gravity's at the first tick of a panda whose tool is that far from its reference [N·m]."""
+    setting = case("panda")
+    arm, q, _ = setting
+    controller, still = LAWS[law](setting), np.zeros(arm.nv)
+    R, p = arm.frame_placement(q)
+    pose = rbi.Pose(R, p + np.array([0.0, away, 0.0]))
+    far = rbi.CartesianReference(pose, np.zeros(6), np.zeros(6))
+    output, _ = controller.step(controller.init(), q, still, far, np.zeros(6))
+    return float(np.abs(output.tau - arm.bias(q, still)).max())
+
+
 def figures(result: rbi.SimulationResult, plant: rbi.ArmModel) -> dict[str, Any]:
     """Deviations from x_r, and the torque's variation over what the motion needs.
 

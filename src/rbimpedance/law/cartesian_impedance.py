@@ -40,7 +40,7 @@ class CartesianImpedance:
     """The mass, damper and spring that a frame of the arm should feel like, in its compliance axes.
 
     Each is a pair (translation, rotation), a vector (6,) or a symmetric positive definite matrix (6, 6), translations
-    first. `CartesianImpedance((3.0, 0.15), ([1000, 1000, 200, 30, 30, 10]))` is critically damped and soft in z.
+    first. `CartesianImpedance((3.0, 0.15), [1000, 1000, 200, 30, 30, 10])` is critically damped and soft in z.
 
     Attributes:
         mass: M_d, shape (6,) or (6, 6) [kg, kg·m²].
