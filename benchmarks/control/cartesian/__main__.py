@@ -85,6 +85,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--robots", nargs="*", choices=ROBOTS, default=list(ROBOTS))
     parser.add_argument("--laws", nargs="*", choices=LAWS, default=list(LAWS))
+    parser.add_argument("--without-noise", action="store_true", help="keep the noisy runs")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--out", type=Path, default=pages.FIGURES)
     parser.add_argument("--docs", type=Path, default=pages.DOCS, help="folder of the page")
@@ -94,7 +95,9 @@ def main() -> None:
     rows = json.loads(path.read_text("utf-8")) if path.exists() else []
     if not asked.tabulate:
         runs = [(robot, law, False) for robot in asked.robots for law in asked.laws]
-        runs += [("panda", law, True) for law in asked.laws if law in NOISY]
+        runs += [
+            ("panda", law, True) for law in asked.laws if law in NOISY and not asked.without_noise
+        ]
         rows = [row for row in rows if (row["robot"], row["law"], row["noisy"]) not in runs]
         with bar() as progress, ProcessPoolExecutor(asked.jobs) as pool:
             task = progress.add_task("runs", total=len(runs))
