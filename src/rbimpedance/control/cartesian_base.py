@@ -203,7 +203,7 @@ class CartesianControllerBase(ABC, Generic[StateT]):
     def tool_impedance_error(self, output: CartesianOutput, a: Array) -> Array:
         """Return what the target's equation lacks at the frame, force and moment in world axes, shape (6,) [N, N·m].
 
-        It is M_d·ë1 + D_d·ė1 + K_d·e1 in the compliance axes (paper, eq. 5), turned to world axes.
+        It is M_d·ë1 + D_d·ė1 + K_d·e1 in the compliance axes (see `law.impedance`), turned to world axes.
 
         Args:
             output: Of the tick.
