@@ -239,7 +239,7 @@ def _sliding(
     *,
     is_first: bool,
 ) -> Sliding:
-    """Surface and reaching law of a block (paper, eqs. 6 and 8), from e1, e2 and the rate of e1."""
+    """Surface and reaching law of a block (eqs. (6) and (8), one block at a time), from e1, e2 and the rate of e1."""
     e1, e2, e1_rate = errors
     s = law.surface.value(e1, e2)
     before = law.reaching.start(s) if is_first else state
