@@ -36,6 +36,7 @@ from .control.guards import FaultGuard as FaultGuard
 from .control.guards import OperatingRange as OperatingRange
 from .control.guards import SoftStart as SoftStart
 from .control.guards.reference_guard import ReferenceGuard as ReferenceGuard
+from .control.hardware_controller import HardwareController as HardwareController
 from .control.loop import Loop as Loop
 from .control.realtime import RealtimeController as RealtimeController
 from .control.sensorless import CompliantController as CompliantController
@@ -83,6 +84,7 @@ from .law.surfaces import PowerSurface as PowerSurface
 from .law.surfaces import Surface as Surface
 from .robot.arm_model import ArmModel as ArmModel
 from .robot.cartesian import joint_matrix as joint_matrix
+from .robot.hardware import Hardware as Hardware
 from .robot.inverse_kinematics import inverse_kinematics as inverse_kinematics
 from .robot.load import load_robot as load_robot
 from .simulation import BatchResult as BatchResult

@@ -13,6 +13,7 @@ from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
 from ..interaction.sensors import LowPass
+from ..robot.hardware import Hardware
 from .protocol import Controller, Measured
 from .telemetry import ControllerOutput
 from .wrapper import ControllerWrapper
@@ -96,6 +97,21 @@ class QuantizedEncoders(ControllerWrapper[EncoderState, ControllerOutput]):
             bandwidth=bandwidth,
             _low_pass=low_pass,
         )
+
+    @classmethod
+    def for_(cls, hardware: Hardware, controller: Controller[Any]) -> QuantizedEncoders:
+        """Return a controller behind the encoders of a description; velocities are differences, without a low-pass.
+
+        Args:
+            hardware: The description.
+            controller: What is put behind its encoders.
+
+        Raises:
+            ParameterError: The description has no encoders.
+        """
+        if hardware.encoder_bits is None:
+            raise ParameterError("encoder_bits", None, "given: without encoders nothing is counted")
+        return cls(controller, resolution=hardware.count(controller.arm))
 
     @property
     def position_noise(self) -> Array:

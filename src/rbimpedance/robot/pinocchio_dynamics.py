@@ -58,6 +58,10 @@ class PinocchioDynamics:
         """M(q) with the armature on its diagonal, shape (nv, nv)."""
         return np.array(pin.crba(self.model, self._data, q))
 
+    def inverse_mass_matrix(self, q: Array) -> Array:
+        """M(q)⁻¹, armature included, shape (nv, nv)."""
+        return np.array(pin.computeMinverse(self.model, self._data, q))
+
     def inverse_dynamics(self, q: Array, v: Array, a: Array) -> Array:
         """M a + bias by one RNEA, shape (nv,)."""
         tau = np.array(pin.rnea(self.model, self._data, q, v, a))

@@ -23,6 +23,7 @@ from ..trajectories.cartesian import CartesianTrajectory
 from .checkpoint import Checkpoint
 from .closed_loop import ClosedLoop, OnTick, run
 from .compiled_runs import run_around_pinocchio, run_compiled
+from .driven_runs import run_driven
 from .joint_stops import JointStops
 from .plants import Plant
 from .plants.integrators import INTEGRATORS, Integrator
@@ -133,7 +134,7 @@ def simulate(  # noqa: PLR0913 (what acts on a run, each given by name)
         integrator=integrator,
         joint_stops=joint_stops,
     )
-    run_fast = {"numpy": run, "pinocchio": run_around_pinocchio, "compiled": run_compiled}[
+    run_fast = {"numpy": run_driven, "pinocchio": run_around_pinocchio, "compiled": run_compiled}[
         _backend(loop)
     ]
     result = run_fast(loop, on_tick, checkpoint)

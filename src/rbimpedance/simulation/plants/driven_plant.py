@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,14 +13,14 @@ from ..._common.brief import brief_repr
 from ..._common.frozen import set_fields
 from ...exceptions import ParameterError
 from ...interaction import Interaction
+from ...law.lag import lag_of, lagged
 from ...robot.arm_model import ArmModel
+from ...robot.hardware import EncoderSide as EncoderSide  # noqa: PLC0414 (part of this module's interface)
+from ...robot.hardware import Hardware
 from .elasticity import check_step, refuse_at, stiffness_of_joints, usual_damping, whole
 from .protocol import Motion, Plant
 from .rigid import RigidPlant
-
-EncoderSide: TypeAlias = Literal["motor", "link"]
-"""What the encoders are on."""
-
+from .sticking import StickingPlant
 
 class DrivenState(NamedTuple):
     """How links and rotors move, and what the motors give; arrays have shape (nv,).
@@ -28,12 +28,14 @@ class DrivenState(NamedTuple):
     Attributes:
         links: State of the links.
         torque: Torque of the motors behind their lag [N·m or N].
+        pending: Torques on their way to the motors, one for each step of the dead time, the oldest first.
         delta: How far the rotors are ahead of the links [rad or m].
         rotor_velocity: Of the rotors, on the joints' side of the gears [rad/s or m/s].
     """
 
     links: Any
     torque: Array
+    pending: Array
     delta: Array
     rotor_velocity: Array
 
@@ -57,6 +59,7 @@ class DrivenPlant:
     Attributes:
         links: What is behind the drives: another plant; an `ArmModel` becomes a `RigidPlant`.
         time_constant: Of the torque, T, shape (nv,) [s].
+        dead_time: From a torque that is sent to the motors' first answer, a whole number of steps [s].
         ripple: Amplitude of the torque's ripple relative to the torque, shape (nv,).
         cogging: Amplitude of the ripple that is there without torque, shape (nv,) [N·m or N].
         ripple_periods: Of both to a turn of the joint (to 2π m of a slide), whole numbers n, shape (nv,); 200, which
@@ -71,6 +74,7 @@ class DrivenPlant:
     Args:
         links: An arm, or a plant whose arm has armature 0 where a joint is elastic.
         time_constant: Scalar or (nv,), at least 0.
+        dead_time: At least 0.
         ripple: Scalar or (nv,), at least 0.
         cogging: Scalar or (nv,), at least 0.
         ripple_periods: Scalar or (nv,).
@@ -87,6 +91,7 @@ class DrivenPlant:
 
     links: Plant[Any]
     time_constant: Array
+    dead_time: float
     ripple: Array
     cogging: Array
     ripple_periods: Array
@@ -100,6 +105,7 @@ class DrivenPlant:
         links: ArmModel | Plant[Any],
         *,
         time_constant: ArrayLike = 0.0,
+        dead_time: float = 0.0,
         ripple: ArrayLike = 0.0,
         cogging: ArrayLike = 0.0,
         ripple_periods: ArrayLike = 200,
@@ -117,6 +123,7 @@ class DrivenPlant:
         set_fields(
             self,
             time_constant=not_negative("time_constant", time_constant, arm.nv),
+            dead_time=float(not_negative("dead_time", dead_time, 1)[0]),
             ripple=not_negative("ripple", ripple, arm.nv),
             cogging=not_negative("cogging", cogging, arm.nv),
             ripple_periods=whole("ripple_periods", ripple_periods, arm.nv),
@@ -129,6 +136,31 @@ class DrivenPlant:
         set_fields(
             self,
             damping=not_negative("damping", usual if damping is None else damping, arm.nv),
+        )
+
+    @classmethod
+    def for_(cls, hardware: Hardware, arm: ArmModel, dt: float = 1e-3) -> DrivenPlant:
+        """Return the arm behind the drives of a description.
+
+        Args:
+            hardware: The description.
+            arm: The links, with their friction, which sticks, and the rotors as armature where the description has none.
+            dt: Control period, in which the delay is given [s].
+
+        Raises:
+            ParameterError: An elastic joint without a rotor.
+            DimensionError: A number for another number of joints.
+        """
+        sticks = bool(arm.coulomb.any() or arm.viscous.any()) and not hardware.is_elastic
+        links = arm if hardware.rotor_inertia is None else arm.with_armature(hardware.rotor_inertia)
+        return cls(
+            StickingPlant(links, hardware.stribeck) if sticks else links,
+            time_constant=hardware.torque_lag,
+            dead_time=hardware.delay * dt,
+            ripple=hardware.ripple,
+            stiffness=hardware.joint_stiffness,
+            rotor_inertia=hardware.rotor_inertia,
+            encoders=hardware.encoder_side,
         )
 
     # --- a plant ------------------------------------------------------------------------------------------------
@@ -148,12 +180,16 @@ class DrivenPlant:
 
         Raises:
             ParameterError: h is too long for the stiffest spring; names the joint, and how many times the substeps it
-                needs.
+                needs. Or the dead time is no multiple of h.
         """
         check_step(self.arm, self.stiffness, self.damping, self.rotor_inertia, q, h)
+        steps = round(self.dead_time / h)
+        if abs(steps * h - self.dead_time) > 1e-9:
+            raise ParameterError("dead_time", self.dead_time, f"a multiple of the step, {h:g} s")
         torque = self.arm.raw_dynamics.bias(q, np.zeros(self.arm.nv))
         links = self.links.begin(q, v, h)
-        return DrivenState(links, torque, torque / self.stiffness, np.array(v))
+        pending = np.tile(torque, (steps, 1))
+        return DrivenState(links, torque, pending, torque / self.stiffness, np.array(v))
 
     def motion(self, state: DrivenState) -> Motion:
         """Return how the links move; see `Plant.motion`."""
@@ -172,7 +208,8 @@ class DrivenPlant:
 
     def acceleration(self, state: DrivenState, tau: Array, tau_ext: Array) -> Array:
         """Return the acceleration of the links under what drives and springs give now; see `Plant.acceleration`."""
-        now = np.where(self.time_constant > 0.0, state.torque, tau)
+        sent = state.pending[0] if len(state.pending) else tau
+        now = np.where(self.time_constant > 0.0, state.torque, sent)
         transmitted = self._transmitted(state, self._rippled(state, now))
         return self.links.acceleration(state.links, transmitted, tau_ext)
 
@@ -181,7 +218,8 @@ class DrivenPlant:
     ) -> DrivenState:
         """Return the state after one step: forces of its beginning, then velocities, then positions."""
         with np.errstate(over="ignore", invalid="ignore"):
-            mean, torque = self._lagged(state.torque, tau, h)
+            pending = np.concatenate([state.pending, tau[None]])
+            mean, torque = lagged(state.torque, pending[0], *lag_of(self.time_constant, h))
             motor = self._rippled(state, mean)
             transmitted = self._transmitted(state, motor)
             links = self.links.step(state.links, transmitted, environment, t, h)
@@ -192,16 +230,9 @@ class DrivenPlant:
             rotor_velocity = np.where(elastic, state.rotor_velocity + h * rate, v_next)
             moved = self.arm.raw_dynamics.difference(q, q_next)
             delta = np.where(elastic, state.delta + h * rotor_velocity - moved, 0.0)
-        return DrivenState(links, torque, delta, rotor_velocity)
+        return DrivenState(links, torque, pending[1:], delta, rotor_velocity)
 
     # --- a drive ------------------------------------------------------------------------------------------------
-
-    def _lagged(self, torque: Array, tau: Array, h: float) -> tuple[Array, Array]:
-        """Torque behind the lag, its mean over a step under a held tau and its value at the end."""
-        T = self.time_constant
-        steps = np.divide(h, T, out=np.full_like(T, np.inf), where=T > 0.0)
-        decay, behind = np.exp(-steps), torque - tau
-        return tau + behind * (1.0 - decay) / steps, tau + behind * decay
 
     def _rippled(self, state: DrivenState, torque: Array) -> Array:
         """Torque on the rotors, with ripple and cogging."""

@@ -1,0 +1,454 @@
+"""The tick of a `HardwareController` in compiled code: the formulas of `control.estimation`, joint by joint."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+
+from ..._common.arrays import Array
+from ..._numba.compile import inline, kernel, routine
+from ..._numba.layouts.objects import VectorsArgument
+from ..._numba.layouts.tables import Held
+from ..._numba.layouts.tables import opened as opened_words
+from ..._numba.single_source import compiled
+from ...law import observed_law
+from ...law.impedance import ImpedanceFilter
+from ...law.lag import lagged as lagged_formula
+from ...robot.compiled import rigid_body
+from ...robot.compiled.dynamics import ARM, OWN_MATRIX, OWN_VECTOR, SPACE, VECTOR_IN
+from ...robot.compiled.rigid_body import friction, place_joints
+from ...robot.compiled.tables import CONTINUOUS, KIND, Q_INDEX, ArmTables, Workspace, workspace
+from ...trajectories import Reference
+from ..estimation import extended_state, friction_learning, noise_gate
+from ..estimation.friction_learning import REFERENCE_SMOOTHING
+from ..estimation.noise_gate import OPENING as RISES
+from ..hardware_state import (
+    COVARIANCE,
+    DISTURBANCE,
+    INNOVATION,
+    OPENING,
+    PARAMETERS,
+    Q_E,
+    Q_E_BEFORE,
+    REGRESSORS,
+    TAU,
+    TAU_EXT,
+    TORQUE,
+    V_E,
+    V_E_BEFORE,
+    V,
+)
+from .law import TickInputs, add_angle, angle_between
+from .tick import is_sound
+
+correction = compiled(extended_state.correction)
+moved = compiled(extended_state.moved)
+filtered_innovation = compiled(noise_gate.filtered_innovation)
+opened = compiled(noise_gate.opened)
+friction_torque = compiled(friction_learning.friction_torque)
+learned = compiled(friction_learning.learned)
+commanded = compiled(observed_law.commanded)
+lagged = compiled(lagged_formula)
+
+# Rows of `HardwareTables.joints`.
+QUIET, ALERT, THRESHOLD, FALLS, DECAY, MEAN, K2, EFFORT, TORQUE_STEP = range(9)
+
+# Entries of `HardwareTables.numbers`.
+DT, RATIO, FORGETTING, STARTS = range(4)  # the last: ticks before friction is learned
+
+# Rows of `TickOutput.rows`.
+OUT_TAU, OUT_V_R, OUT_A_R, OUT_E1, OUT_E2, OUT_S, OUT_U, OUT_Q_E, OUT_V_E = range(9)
+OUT_ROWS = 9
+
+# Rows of `TickSpace.rows`.
+_BIAS, _DA, _OMEGA, _FRICTION, _V, _TORQUE, _X, _A = range(8)
+
+
+class HardwareTables(NamedTuple):
+    """Everything of a controller.
+
+    Attributes:
+        arm: Its arm.
+        joints: What there is of every joint, shape (9, nv).
+        filter: What takes (q_e, v_e, tau_ext) to a_e and the next q_e and v_e, one row a joint, shape (nv, 9).
+        numbers: Period, ratio of bandwidths, forgetting, and when learning starts, shape (4,).
+    """
+
+    arm: ArmTables
+    joints: Array
+    filter: Array
+    numbers: Array
+
+
+class TickMemory(NamedTuple):
+    """The state, which a tick overwrites; see `HardwareState`."""
+
+    q: Array
+    rows: Array
+    pending: Array
+
+
+class TickOutput(NamedTuple):
+    """What a tick computes, shape (`OUT_ROWS`, nv), and q_r, shape (nq,)."""
+
+    rows: Array
+    q_r: Array
+
+
+class TickSpace(NamedTuple):
+    """Work space: nothing in it outlives a tick."""
+
+    recursions: Workspace
+    M: Array
+    factor: Array
+    rows: Array
+    q: Array
+
+
+class HardwareWords(NamedTuple):
+    """What the entry point reads and writes besides its arguments."""
+
+    tables: HardwareTables
+    space: TickSpace
+
+
+def tick_space(nq: int, nv: int) -> TickSpace:
+    """Return work space for arms of this size."""
+    return TickSpace(
+        workspace(nv), *np.zeros((2, nv, nv)), np.zeros((8, nv)), np.zeros(nq)
+    )
+
+
+def tick_output(nq: int, nv: int) -> TickOutput:
+    """Return a place for what a tick computes."""
+    return TickOutput(np.empty((OUT_ROWS, nv)), np.empty(nq))
+
+
+def hardware_tables(controller: Any, arm: ArmTables) -> HardwareTables | None:
+    """Return a controller as tables; None where its filter couples the joints, or is not linear.
+
+    Args:
+        controller: A `HardwareController`.
+        arm: Tables of its arm.
+    """
+    target, nv = controller._filter, controller.arm.nv
+    if type(target) is not ImpedanceFilter:
+        return None
+    maps = target.maps().reshape(3, nv, 3, nv)
+    diagonal = np.einsum("ijkj->jik", maps)
+    if np.count_nonzero(maps) != np.count_nonzero(diagonal):
+        return None
+    gate, lag, limits = controller.gate, controller.observer._lag, controller.limits
+    none = np.full(nv, np.inf)
+    effort, step = (none, none) if limits is None else (limits.effort, limits.rate * controller.dt)
+    joints = np.array(
+        [
+            *(gate.low, gate.high, gate.threshold, gate.falls, *lag, controller.k2),
+            *(np.broadcast_to(effort, nv), np.broadcast_to(step, nv)),
+        ]
+    )
+    starts = controller.learning_starts
+    numbers = np.array([controller.dt, gate.ratio, controller.learner.forgetting, starts])
+    return HardwareTables(arm, joints, np.ascontiguousarray(diagonal.reshape(nv, 9)), numbers)
+
+
+UNSOUND, EXCEEDED, SENT = 0, 1, 2
+"""How a tick ended: at inputs that are not sound, at a torque beyond a limit, or with a torque."""
+
+
+@functools.cache
+def hardware_kernel() -> Callable[..., Any]:
+    """Compile the tick, or load it from the disk."""
+    vectors = (VECTOR_IN, VECTOR_IN, VectorsArgument(Reference, VECTOR_IN), VECTOR_IN)
+    arrays = (OWN_VECTOR, OWN_MATRIX, OWN_MATRIX, OWN_MATRIX, OWN_VECTOR)
+    return kernel(_entry, (_WORDS, types.int64, *vectors, *arrays))
+
+
+_TABLES = types.NamedTuple((ARM, OWN_MATRIX, OWN_MATRIX, OWN_VECTOR), HardwareTables)
+_SPACE = types.NamedTuple((SPACE, *[OWN_MATRIX] * 3, OWN_VECTOR), TickSpace)
+_WORDS = Held(types.NamedTuple((_TABLES, _SPACE), HardwareWords))
+
+
+def _entry(
+    words: Any,
+    ticks: int,
+    q: Array,
+    v: Array,
+    reference: Any,
+    tau_ext: Array,
+    q_hat: Array,
+    rows: Array,
+    pending: Array,
+    out: Array,
+    q_r: Array,
+) -> int:
+    tables, space = opened_words(words)
+    given = TickInputs(q, v, reference[0], reference[1], reference[2], tau_ext)
+    if not is_sound(tables.arm, given):
+        return UNSOUND
+    memory, output = TickMemory(q_hat, rows, pending), TickOutput(out, q_r)
+    return SENT if hardware_tick(tables, space, ticks, given, memory, output) else EXCEEDED
+
+
+@routine
+def hardware_tick(
+    tables: HardwareTables,
+    space: TickSpace,
+    ticks: int,
+    given: TickInputs,
+    memory: TickMemory,
+    out: TickOutput,
+) -> bool:
+    """Do a tick; False where a limit is exceeded, and then the memory is not to be used.
+
+    Args:
+        tables: The controller.
+        space: Work space.
+        ticks: Number of ticks so far.
+        given: Sound measurements and reference; the velocity is not used.
+        memory: The state.
+        out: What the tick computes.
+    """
+    if ticks == 0:
+        _start(tables, space, given.q, memory)
+    _correct(tables, space, given.q, memory)
+    _track(tables, space, given, memory, out)
+    _look_ahead(tables, space, given.tau_ext, memory, out)
+    if not _command(tables, space, ticks, given.tau_ext, memory, out):
+        return False
+    if ticks > tables.numbers[STARTS]:
+        _learn(tables, space, memory, out)
+    _predict(tables, space, given.tau_ext, memory, out)
+    return True
+
+
+@routine
+def _start(tables: HardwareTables, space: TickSpace, q: Array, memory: TickMemory) -> None:
+    """At rest where the encoders say, held by the motors."""
+    rows, bias = memory.rows, space.rows[_BIAS]
+    for i in range(len(q)):
+        memory.q[i] = q[i]
+    for j in range(len(bias)):
+        rows[V, j], rows[DISTURBANCE, j], space.rows[_X, j] = 0.0, 0.0, 0.0
+    place_joints(tables.arm, space.recursions, q)
+    rigid_body.inverse_dynamics(tables.arm, space.recursions, rows[V], space.rows[_X], bias)
+    for j in range(len(bias)):
+        rows[TORQUE, j] = bias[j]
+        for i in range(len(memory.pending)):
+            memory.pending[i, j] = bias[j]
+
+
+@routine
+def _correct(tables: HardwareTables, space: TickSpace, q: Array, memory: TickMemory) -> None:
+    """Gate and correction by the measurement, then the model at the estimate."""
+    arm, joints, rows, own = tables.arm, tables.joints, memory.rows, space.rows
+    h, ratio = tables.numbers[DT], tables.numbers[RATIO]
+    n = rows.shape[1]
+    for j in range(n):
+        nu = difference(arm, j, memory.q, q)
+        low, high = joints[QUIET, j], joints[ALERT, j]
+        omega = ratio * (low + (high - low) * rows[OPENING, j])
+        rows[INNOVATION, j] = filtered_innovation(rows[INNOVATION, j], nu, omega, h)
+        rows[OPENING, j] = opened(
+            rows[OPENING, j], rows[INNOVATION, j], joints[THRESHOLD, j], joints[FALLS, j], RISES
+        )
+        own[_OMEGA, j] = low + (high - low) * rows[OPENING, j]
+        step, dv, da = correction(nu, ratio * own[_OMEGA, j], h)
+        add_step(arm, j, memory.q, step, memory.q)
+        rows[V, j] += dv
+        own[_DA, j], own[_X, j] = da, 0.0
+    place_joints(arm, space.recursions, memory.q)
+    rigid_body.mass_matrix(arm, space.recursions, space.M)
+    rigid_body.inverse_dynamics(arm, space.recursions, rows[V], own[_X], own[_BIAS])
+    for j in range(n):
+        own[_BIAS, j] += friction(arm.joints, j, rows[V, j])
+        for i in range(n):
+            rows[DISTURBANCE, i] += space.M[i, j] * own[_DA, j]
+    factorize(space.M, space.factor)
+
+
+@routine
+def _track(
+    tables: HardwareTables, space: TickSpace, given: TickInputs, memory: TickMemory, out: TickOutput
+) -> None:
+    """Impedance filter and reference (paper, eqs. 3 and 4), and the learned friction along it."""
+    arm, F, rows, o = tables.arm, tables.filter, memory.rows, out.rows
+    for j in range(rows.shape[1]):
+        x, v, t = rows[Q_E, j], rows[V_E, j], given.tau_ext[j]
+        a_e = F[j, 0] * x + F[j, 1] * v + F[j, 2] * t
+        o[OUT_Q_E, j], o[OUT_V_E, j] = x, v
+        o[OUT_V_R, j], o[OUT_A_R, j] = given.v_d[j] + v, given.a_d[j] + a_e
+        add_step(arm, j, given.q_d, x, out.q_r)
+        rows[Q_E_BEFORE, j], rows[V_E_BEFORE, j], rows[TAU_EXT, j] = x, v, t
+        rows[Q_E, j] = F[j, 3] * x + F[j, 4] * v + F[j, 5] * t
+        rows[V_E, j] = F[j, 6] * x + F[j, 7] * v + F[j, 8] * t
+        space.rows[_FRICTION, j] = _friction(rows, j, o[OUT_V_R, j])
+
+
+@routine
+def _look_ahead(
+    tables: HardwareTables, space: TickSpace, tau_ext: Array, memory: TickMemory, out: TickOutput
+) -> None:
+    """Errors when the torque of this tick begins to act."""
+    arm, own, o, rows = tables.arm, space.rows, out.rows, memory.rows
+    for i in range(len(memory.q)):
+        space.q[i] = memory.q[i]
+    for j in range(rows.shape[1]):
+        own[_V, j], own[_TORQUE, j] = rows[V, j], rows[TORQUE, j]
+    for i in range(len(memory.pending)):
+        _move(tables, space, memory.pending[i], tau_ext, rows, space.q, own[_V], own[_TORQUE])
+    late = len(memory.pending) * tables.numbers[DT]
+    for j in range(rows.shape[1]):
+        v_r, a_r = o[OUT_V_R, j], o[OUT_A_R, j]
+        ahead = late * v_r + 0.5 * late * late * a_r
+        o[OUT_E1, j] = difference(arm, j, space.q, out.q_r) + ahead
+        o[OUT_E2, j] = v_r + late * a_r - own[_V, j]
+
+
+@routine
+def _command(
+    tables: HardwareTables,
+    space: TickSpace,
+    ticks: int,
+    tau_ext: Array,
+    memory: TickMemory,
+    out: TickOutput,
+) -> bool:
+    """The law; False where a limit is exceeded."""
+    joints, own, o, rows = tables.joints, space.rows, out.rows, memory.rows
+    n = rows.shape[1]
+    for j in range(n):
+        e1, e2, a_r, omega = o[OUT_E1, j], o[OUT_E2, j], o[OUT_A_R, j], own[_OMEGA, j]
+        o[OUT_S, j], o[OUT_U, j], own[_A, j] = commanded(
+            e1, e2, a_r, omega, joints[K2, j], tables.numbers[DT]
+        )
+    for i in range(n):
+        tau = own[_BIAS, i] - (tau_ext[i] + rows[DISTURBANCE, i] - own[_FRICTION, i])
+        for j in range(n):
+            tau += space.M[i, j] * own[_A, j]
+        step = joints[TORQUE_STEP, i] if ticks > 0 else np.inf
+        if abs(tau) >= joints[EFFORT, i] or abs(tau - rows[TAU, i]) >= step:
+            return False
+        o[OUT_TAU, i] = tau
+    return True
+
+
+@routine
+def _learn(tables: HardwareTables, space: TickSpace, memory: TickMemory, out: TickOutput) -> None:
+    """A step of the least squares; what moves into the friction leaves the disturbance."""
+    rows, h = memory.rows, tables.numbers[DT]
+    for j in range(rows.shape[1]):
+        omega, P, R = tables.numbers[RATIO] * space.rows[_OMEGA, j], COVARIANCE, REGRESSORS
+        theta, covariance, regressors = learned(
+            (rows[PARAMETERS, j], rows[PARAMETERS + 1, j], rows[PARAMETERS + 2, j]),
+            (rows[P, j], rows[P + 1, j], rows[P + 2, j], rows[P + 3, j], rows[P + 4, j], rows[P + 5, j]),
+            (rows[R, j], rows[R + 1, j], rows[R + 2, j], rows[R + 3, j]),
+            rows[V, j], rows[DISTURBANCE, j], omega, h, tables.numbers[FORGETTING],
+        )  # fmt: skip
+        for i in range(3):
+            rows[PARAMETERS + i, j] = theta[i]
+        for i in range(6):
+            rows[P + i, j] = covariance[i]
+        for i in range(4):
+            rows[R + i, j] = regressors[i]
+        after = _friction(rows, j, out.rows[OUT_V_R, j])
+        rows[DISTURBANCE, j] += after - space.rows[_FRICTION, j]
+        space.rows[_FRICTION, j] = after
+
+
+@routine
+def _predict(
+    tables: HardwareTables, space: TickSpace, tau_ext: Array, memory: TickMemory, out: TickOutput
+) -> None:
+    """What is expected at the next tick."""
+    rows, pending, tau = memory.rows, memory.pending, out.rows[OUT_TAU]
+    d, n = len(pending), rows.shape[1]
+    for j in range(n):
+        rows[TAU, j] = tau[j]
+        space.rows[_X, j] = pending[0, j] if d > 0 else tau[j]
+        for i in range(d):
+            pending[i, j] = pending[i + 1, j] if i + 1 < d else tau[j]
+    # `_move` uses _A as its own work space
+    _move(tables, space, space.rows[_X], tau_ext, rows, memory.q, rows[V], rows[TORQUE])
+
+
+@routine
+def _move(
+    tables: HardwareTables,
+    space: TickSpace,
+    tau: Array,
+    tau_ext: Array,
+    rows: Array,
+    q: Array,
+    v: Array,
+    torque: Array,
+) -> None:
+    """Move q, v and the motors' torque on by a period, while tau is what the motors are to give."""
+    own, joints, h = space.rows, tables.joints, tables.numbers[DT]
+    a = own[_A]
+    for j in range(len(v)):
+        mean, torque[j] = lagged(torque[j], tau[j], joints[DECAY, j], joints[MEAN, j])
+        a[j] = mean + tau_ext[j] - own[_FRICTION, j] + rows[DISTURBANCE, j] - own[_BIAS, j]
+    solve(space.factor, a)
+    for j in range(len(v)):
+        step, v[j] = moved(v[j], a[j], h)
+        add_step(tables.arm, j, q, step, q)
+
+
+@inline
+def _friction(rows: Array, j: int, v_r: float) -> float:
+    dry, viscous = rows[PARAMETERS, j], rows[PARAMETERS + 1, j]
+    torque: float = friction_torque(
+        dry, viscous, rows[PARAMETERS + 2, j], v_r, REFERENCE_SMOOTHING
+    )
+    return torque
+
+
+@inline
+def difference(arm: ArmTables, j: int, q0: Array, q1: Array) -> float:
+    """Entry j of q1 (-) q0."""
+    i = arm.topology[j, Q_INDEX]
+    if arm.topology[j, KIND] == CONTINUOUS:
+        return angle_between(q0[i], q0[i + 1], q1[i], q1[i + 1])
+    step: float = q1[i] - q0[i]
+    return step
+
+
+@inline
+def add_step(arm: ArmTables, j: int, q: Array, step: float, q_next: Array) -> None:
+    """Write entry j of q (+) step; q_next may be q."""
+    i = arm.topology[j, Q_INDEX]
+    if arm.topology[j, KIND] == CONTINUOUS:
+        q_next[i], q_next[i + 1] = add_angle(q[i], q[i + 1], step)
+    else:
+        q_next[i] = q[i] + step
+
+
+@inline
+def factorize(M: Array, L: Array) -> None:
+    """Write the Cholesky factor of M."""
+    for i in range(len(M)):
+        for j in range(i + 1):
+            entry = M[i, j]
+            for k in range(j):
+                entry -= L[i, k] * L[j, k]
+            L[i, j] = entry / L[j, j] if j < i else math.sqrt(entry)
+
+
+@inline
+def solve(L: Array, x: Array) -> None:
+    """Replace x by the solution y of L·Lᵀ·y = x."""
+    n = len(x)
+    for i in range(n):
+        for k in range(i):
+            x[i] -= L[i, k] * x[k]
+        x[i] /= L[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            x[i] -= L[k, i] * x[k]
+        x[i] /= L[i, i]

@@ -1,0 +1,315 @@
+"""The impedance controller for an arm as it is delivered: counted positions, and torque that is late."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._common.arrays import Array, per_joint, positive
+from .._common.brief import brief_repr
+from .._common.frozen import set_fields
+from ..exceptions import ParameterError
+from ..law.impedance import TargetImpedance
+from ..law.limits import Limits, as_limits
+from ..law.observed_law import commanded
+from ..robot.arm_model import ArmModel
+from ..robot.hardware import Hardware
+from ..trajectories import Reference
+from .baseline_law import Baseline, BaselineTorque, baseline_output
+from .default_gains import default_impedance
+from .errors import Tracking, track
+from .estimation import Estimate, ExtendedStateObserver, FrictionLearner, NoiseGate
+from .estimation.friction_learning import FrictionState
+from .hardware_forms import HardwareForm, hardware_form
+from .hardware_state import HardwareState
+from .protocol import checked_period
+from .telemetry import ControllerOutput, Situation
+
+OBSERVER_RATIO = 3.0
+"""Bandwidth of the observer over that of the loop."""
+
+HardwareBackend: TypeAlias = Literal["numpy", "compiled"]
+"""Who computes a tick."""
+
+LEARNING_STARTS = 100
+"""Ticks before friction is learned: the observer settles first."""
+
+
+class Bandwidths(NamedTuple):
+    """Bandwidths of the loop; the observer's are `OBSERVER_RATIO` times as high.
+
+    Attributes:
+        quiet: While counting explains what the encoders show, shape (nv,) [rad/s].
+        alert: While it does not, shape (nv,) [rad/s].
+    """
+
+    quiet: Array
+    alert: Array
+
+
+@brief_repr("arm", "hardware", "dt", "impedance", "bandwidths", "limits")
+@dataclass(frozen=True, eq=False, init=False)
+class HardwareController(Baseline):
+    """Robust impedance control on estimated position, speed and disturbance, for encoders that count and torque that lags.
+
+    An `ImpedanceController` differentiates what the encoders count, and multiplies it by a high gain: on encoders of
+    17 to 20 bits the torque is noise. Here an observer with model, delay and lag inside (`ExtendedStateObserver`) gives
+    position, speed and disturbance; the law acts on the state that the observer expects `delay` ticks ahead, when the
+    torque will begin to act:
+
+        s = e2 + ω·e1,    tau = M(q)·{a_r + (ω·e2 + u)/(1 + ω·h/2)} + bias(q, v) - tau_ext - d + friction
+
+    with ω the bandwidth, u the super-twisting term (`reaching_term`), d the observer's disturbance, which takes the
+    place of its integral, and the learned friction at the speed of the reference. A `NoiseGate` keeps ω low as long as
+    counting explains what the encoders show. The velocity that `step` is given is not used.
+
+    Attributes:
+        arm: The controller's model of the arm.
+        hardware: What stands between tick and links.
+        impedance: Target impedance.
+        bandwidths: Of the loop, quiet and alert; `propose_gains(..., hardware=...)` computes them.
+        dt: Control period [s].
+        k2: Acceleration up to which the reaching term is linear, shape (nv,) [rad/s² or m/s²].
+        learns_friction: Whether friction is learned; not for joints with springs.
+        limits: Limits of the torque; the hardware's `torque_rate` is one.
+        backend: "compiled"; or "numpy" for the readable form, which specifies it, and which computes the ticks at which
+            a limit is exceeded, and what has no compiled form.
+
+    Raises:
+        ParameterError: A number that is not positive.
+        DimensionError: A number for another number of joints.
+    """
+
+    hardware: Hardware
+    bandwidths: Bandwidths
+    k2: Array
+    learns_friction: bool
+    limits: Limits | None
+    backend: HardwareBackend
+    observer: ExtendedStateObserver
+    gate: NoiseGate
+    learner: FrictionLearner
+    _form: HardwareForm | None
+
+    def __init__(
+        self,
+        arm: ArmModel,
+        hardware: Hardware,
+        impedance: TargetImpedance | None = None,
+        *,
+        bandwidths: tuple[ArrayLike, ArrayLike],
+        dt: float = 1e-3,
+        k2: ArrayLike = 1e4,
+        learns_friction: bool = True,
+        limits: Limits | ArrayLike | None = None,
+        backend: HardwareBackend = "compiled",
+    ) -> None:
+        if backend not in get_args(HardwareBackend):
+            raise ParameterError("backend", backend, '"numpy" or "compiled"')
+        super().__init__(arm, default_impedance(arm) if impedance is None else impedance, dt)
+        quiet, alert = (
+            per_joint(name, positive(name, value), arm.nv)
+            for name, value in zip(("quiet", "alert"), bandwidths, strict=True)
+        )
+        set_fields(
+            self,
+            hardware=hardware,
+            bandwidths=Bandwidths(quiet, alert),
+            k2=per_joint("k2", positive("k2", k2), arm.nv),
+            learns_friction=bool(learns_friction),
+            limits=_with_rate(as_limits(limits), hardware),
+            backend=backend,
+            observer=ExtendedStateObserver(
+                arm, OBSERVER_RATIO * quiet, dt, lag=hardware.lag(arm), delay=hardware.delay
+            ),
+            gate=NoiseGate(quiet, alert, hardware.count(arm), dt, OBSERVER_RATIO),
+            learner=FrictionLearner(arm.nv, dt),
+        )
+        if self.limits is not None:
+            self.limits.check(arm.nv)
+
+        self._choose_form()
+
+    def _choose_form(self) -> None:
+        form = hardware_form(self) if self.backend == "compiled" else None
+        set_fields(self, _form=form)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "_form"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        set_fields(self, **state)
+        self._choose_form()
+
+    @property
+    def learning_starts(self) -> float:
+        """Ticks before friction is learned: the observer settles first. Infinite where it is not learned."""
+        return LEARNING_STARTS if self.learns_friction else np.inf
+
+    def init(self) -> HardwareState:
+        """Return the state before the first tick: filter at rest, no disturbance, no friction known."""
+        observer = self.observer.init(self.arm.neutral)
+        parts = self._filter_at_rest(), observer, self.gate.init(), self.learner.init()
+        return HardwareState.pack(0, *parts, observer.torque)
+
+    def step(
+        self,
+        state: HardwareState,
+        q: ArrayLike,
+        v: ArrayLike,
+        reference: Reference,
+        tau_ext: ArrayLike,
+        period: float | None = None,
+    ) -> tuple[ControllerOutput, HardwareState]:
+        """Compute the torque of one tick; see `ImpedanceController.step`.
+
+        Args:
+            state: From `init` or from the tick before.
+            q: Measured configuration, shape (nq,).
+            v: Not used.
+            reference: Desired motion at this tick.
+            tau_ext: Measured torque of the environment on the robot, shape (nv,) [N·m or N].
+            period: Measured time since the tick before; dt if it is not given [s].
+
+        Returns:
+            The output, with the errors that the law sees, and the state for the next tick.
+
+        Raises:
+            DimensionError: Wrong shape or kind.
+            NonFiniteError: An input holds NaN or infinity.
+            InputError: A period that `elapsed` refuses.
+        """
+        if period is not None:
+            state = self.elapsed(state, period)
+        answer = None
+        if self._form is not None:
+            try:
+                answer = self._form.step(state, q, v, reference, tau_ext)
+            except (TypeError, ValueError):  # not plain vectors
+                answer = None
+        return answer or self._numpy_step(state, q, v, reference, tau_ext)
+
+    def _numpy_step(
+        self,
+        state: HardwareState,
+        q: ArrayLike,
+        v: ArrayLike,
+        reference: Reference,
+        tau_ext: ArrayLike,
+    ) -> tuple[ControllerOutput, HardwareState]:
+        """The readable form of the tick, which specifies the compiled one."""
+        given: dict[str, ArrayLike] = {"q": q, "v": v, "tau_ext": tau_ext}
+        q_e, v_e = state.filter.q_e, state.filter.v_e
+        tick = track(self.arm, self._filter, q_e, v_e, reference=reference, **given)
+        state = state if state.ticks else self._started(state, tick.q)
+        innovation = self.observer.innovation(state.observer, tick.q)
+        gate = self.gate.step(state.gate, innovation)
+        bandwidth = self.gate.bandwidth(gate)
+        estimate = self.observer.correct(state.observer, innovation, OBSERVER_RATIO * bandwidth)
+        friction = self.learner.torque(state.friction, tick.v_r)
+        output = self._output(state, tick, estimate, bandwidth, friction)
+        learned, moved = self._learned(state, tick, estimate, OBSERVER_RATIO * bandwidth)
+        expected = self.observer.predict(estimate, output.tau, tick.tau_ext - friction)
+        expected = expected._replace(disturbance=expected.disturbance + moved)
+        after = self._filter_after(state.filter, tick.tau_ext)
+        return output, HardwareState.pack(
+            state.ticks + 1, after, expected, gate, learned, output.tau
+        )
+
+    def elapsed(self, state: HardwareState, period: float) -> HardwareState:
+        """Return the state at a tick that comes a measured time after the one before; see `ImpedanceController`.
+
+        Args:
+            state: From the tick before.
+            period: Time since then [s]; see `ImpedanceController.elapsed`.
+
+        Raises:
+            InputError: A period that is refused there.
+        """
+        period = checked_period(period, self.dt)
+        expected = state.observer
+        q = self.arm.raw_dynamics.integrate(expected.q, (period - self.dt) * expected.v)
+        return state.but(
+            filter=self._filter_elapsed(state.filter, period), observer=expected._replace(q=q)
+        )
+
+    def handover(self, state: HardwareState, now: Situation) -> HardwareState:
+        """Return the state with which the controller takes the arm over as it is now: q_r = q and v_r = v.
+
+        Disturbance and friction keep what they know.
+
+        Args:
+            state: The last state, or that of `init`.
+            now: The arm at the tick to come.
+        """
+        observer = self.observer.init(now.q, now.v, now.tau)
+        return state.but(
+            ticks=max(state.ticks, 1),
+            filter=self._filter_at(now),
+            observer=observer._replace(disturbance=state.observer.disturbance),
+            gate=self.gate.init(),
+            tau=np.array(now.tau),
+        )
+
+    # --- the parts of a tick ----------------------------------------------------------------------------------------
+
+    def _started(self, state: HardwareState, q: Array) -> HardwareState:
+        """The state of the first tick: at rest where the encoders say, held by the motors."""
+        return state.but(observer=self.observer.init(q))
+
+    def _output(
+        self,
+        state: HardwareState,
+        tick: Tracking,
+        estimate: Estimate,
+        bandwidth: Array,
+        friction: Array,
+    ) -> ControllerOutput:
+        """The law, within the limits."""
+        e1, e2 = self._errors_ahead(tick, estimate, friction)
+        s, u, a = commanded(e1, e2, tick.a_r, bandwidth, self.k2, self.dt)
+        missed = tick.tau_ext + estimate.state.disturbance - friction
+        within = (self.limits or Limits()).allocate(
+            estimate.M @ a + estimate.bias - missed,
+            lambda: estimate.M,
+            before=state.tau if state.ticks else None,
+            dt=self.dt,
+        )
+        seen = tick._replace(e1=e1, e2=e2)
+        answer = BaselineTorque(within.tau, s, u)
+        return baseline_output(seen, answer, state.filter.q_e, state.filter.v_e)._replace(
+            saturated=within.saturated, rate_limited=within.rate_limited
+        )
+
+    def _errors_ahead(
+        self, tick: Tracking, estimate: Estimate, friction: Array
+    ) -> tuple[Array, Array]:
+        """The errors when the torque of this tick begins to act."""
+        q, v = self.observer.ahead(estimate, tick.tau_ext - friction)
+        late = self.observer.delay * self.dt
+        step = late * tick.v_r + 0.5 * late * late * tick.a_r
+        dynamics = self.arm.raw_dynamics
+        e1 = dynamics.difference(q, dynamics.integrate(tick.q_r, step))
+        return e1, tick.v_r + late * tick.a_r - v
+
+    def _learned(
+        self, state: HardwareState, tick: Tracking, estimate: Estimate, bandwidth: Array
+    ) -> tuple[FrictionState, Array]:
+        """What is known of the friction after the tick, and what of the disturbance moves there."""
+        before = state.friction
+        if state.ticks <= self.learning_starts:
+            return before, np.zeros(self.arm.nv)
+        seen = estimate.state
+        after = self.learner.step(before, seen.v, seen.disturbance, bandwidth)
+        return after, self.learner.torque(after, tick.v_r) - self.learner.torque(before, tick.v_r)
+
+
+def _with_rate(limits: Limits | None, hardware: Hardware) -> Limits | None:
+    """The limits, and the drives' own."""
+    if not np.isfinite(hardware.torque_rate).any():
+        return limits
+    own = Limits() if limits is None else limits
+    return Limits(own.effort, np.minimum(own.rate, hardware.torque_rate))

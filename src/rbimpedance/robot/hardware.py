@@ -1,0 +1,214 @@
+"""What stands between a controller's tick and the links: encoders, drives, springs, torque sensors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._common.arrays import Array, gain, per_joint, positive_number
+from .._common.brief import brief_repr
+from .._common.frozen import set_fields
+from ..exceptions import ParameterError
+from .arm_model import ArmModel
+
+EncoderSide: TypeAlias = Literal["motor", "link"]
+"""What the encoders are on."""
+
+
+@brief_repr(omit_defaults=True)
+@dataclass(frozen=True, eq=False, init=False)
+class Hardware:
+    """One description of an arm's drives and sensors. Everything is perfect by default.
+
+    Simulation and tuning read it: `DrivenPlant.for_(hardware, arm)`, `QuantizedEncoders.for_(hardware, controller)`,
+    `simulate(..., hardware=hardware)` and `propose_gains(..., hardware=hardware)`.
+
+    Attributes:
+        encoder_bits: Bits to a turn of what the encoder is on, scalar or (nv,); None for exact positions.
+        encoder_side: "motor" or "link".
+        gear_ratio: Turns of the motor to one of the joint, scalar or (nv,); divides the counts of an encoder on the
+            motor (1 where the bits are given to a turn of the joint).
+        torque_lag: Time constant of the torque, scalar or (nv,) [s].
+        delay: Ticks from a torque that is sent to its action.
+        ripple: Amplitude of the torque's ripple relative to the torque, scalar or (nv,).
+        stribeck: How much larger dry friction is at rest than in motion, relative; 0 for Coulomb friction.
+        joint_stiffness: Scalar or (nv,) [N·m/rad or N/m]; +inf for rigid joints.
+        rotor_inertia: On the joints' side of the gears, scalar or (nv,) [kg·m² or kg]; None for the arm's armature.
+        torque_sensor: Standard deviation of the noise of a torque sensor behind every gear, scalar or (nv,) [N·m or N];
+            None where there is no sensor.
+        torque_bandwidth: Of the inner torque loop, which needs the sensor [rad/s].
+        torque_rate: Largest change of the torque in a second, scalar or (nv,) [N·m/s or N/s]; +inf for none.
+
+    Raises:
+        ParameterError: A number that cannot be, or a sensor that is needed and missing.
+    """
+
+    encoder_bits: Array | None
+    encoder_side: EncoderSide
+    gear_ratio: Array
+    torque_lag: Array
+    delay: int
+    ripple: Array
+    stribeck: float
+    joint_stiffness: Array
+    rotor_inertia: Array | None
+    torque_sensor: Array | None
+    torque_bandwidth: float
+    torque_rate: Array
+
+    def __init__(  # noqa: PLR0913 (one for each line of a data sheet)
+        self,
+        *,
+        encoder_bits: ArrayLike | None = None,
+        encoder_side: EncoderSide = "motor",
+        gear_ratio: ArrayLike = 1.0,
+        torque_lag: ArrayLike = 0.0,
+        delay: int = 0,
+        ripple: ArrayLike = 0.0,
+        stribeck: float = 0.0,
+        joint_stiffness: ArrayLike = np.inf,
+        rotor_inertia: ArrayLike | None = None,
+        torque_sensor: ArrayLike | None = None,
+        torque_bandwidth: float = 600.0,
+        torque_rate: ArrayLike = np.inf,
+    ) -> None:
+        if encoder_side not in ("motor", "link"):
+            raise ParameterError("encoder_side", encoder_side, '"motor" or "link"')
+        is_whole = isinstance(delay, int | np.integer) and not isinstance(delay, bool)
+        if not is_whole or delay < 0:
+            raise ParameterError("delay", delay, "a whole number of ticks, 0 or more")
+        if not 0.0 <= stribeck < np.inf:
+            raise ParameterError("stribeck", stribeck, "zero or positive and finite")
+        set_fields(
+            self,
+            encoder_bits=_optional("encoder_bits", encoder_bits, "positive", _is_positive),
+            encoder_side=encoder_side,
+            gear_ratio=gain("gear_ratio", gear_ratio, "positive", _is_positive),
+            torque_lag=gain("torque_lag", torque_lag, "zero or positive", _is_not_negative),
+            delay=int(delay),
+            ripple=gain("ripple", ripple, "zero or positive", _is_not_negative),
+            stribeck=float(stribeck),
+            joint_stiffness=_or_infinite("joint_stiffness", joint_stiffness),
+            rotor_inertia=_optional("rotor_inertia", rotor_inertia, "positive", _is_positive),
+            torque_sensor=_optional(
+                "torque_sensor", torque_sensor, "zero or positive", _is_not_negative
+            ),
+            torque_bandwidth=positive_number("torque_bandwidth", torque_bandwidth, "rate in rad/s"),
+            torque_rate=_or_infinite("torque_rate", torque_rate),
+        )
+
+    @classmethod
+    def of(cls, name: str, **more: Any) -> Hardware:
+        """Return what the maker of an arm publishes, with figures of your own for the rest.
+
+        - "panda" and "fr3": torques are taken at 1 kHz and act a tick later; they may change by 1000 N·m/s
+          (`kMaxTorqueRate` in libfranka's rate_limiting.h). The maker gives no figures for encoders and lag.
+
+        Args:
+            name: Of the arm.
+            **more: Other values, by the names of the attributes.
+
+        Raises:
+            ParameterError: There is no such entry.
+        """
+        if name not in _PUBLISHED:
+            raise ParameterError("name", name, f"one of {', '.join(map(repr, _PUBLISHED))}")
+        return cls(**(_PUBLISHED[name] | more))
+
+    def but(self, **changes: Any) -> Hardware:
+        """Return a copy with other values, by the names of the attributes."""
+        return Hardware(**(vars(self) | changes))
+
+    @property
+    def is_perfect(self) -> bool:
+        """Whether nothing stands between a tick and the links; friction is the arm's own."""
+        return (
+            self.encoder_bits is None
+            and self.delay == 0
+            and not (self.torque_lag.any() or self.ripple.any() or self.is_elastic)
+            and not np.isfinite(self.torque_rate).any()
+        )
+
+    @property
+    def is_elastic(self) -> bool:
+        """Whether a joint has a spring."""
+        return bool(np.isfinite(self.joint_stiffness).any())
+
+    def count(self, arm: ArmModel) -> Array:
+        """Return a count of the encoders at the joints, 0 where positions are exact, shape (nv,) [rad or m].
+
+        Args:
+            arm: The arm.
+
+        Raises:
+            DimensionError: A number is given for another number of joints.
+        """
+        if self.encoder_bits is None:
+            return np.zeros(arm.nv)
+        bits = per_joint("encoder_bits", self.encoder_bits, arm.nv)
+        gear = per_joint("gear_ratio", self.gear_ratio, arm.nv)
+        turns = gear if self.encoder_side == "motor" else np.ones(arm.nv)
+        count: Array = 2.0 * np.pi / 2.0**bits / turns
+        return count
+
+    def noise_bound(self, arm: ArmModel) -> Array:
+        """Return the largest error of a measured position, half a count, shape (nv,) [rad or m].
+
+        Args:
+            arm: The arm.
+        """
+        return self.count(arm) / 2.0
+
+    def lag(self, arm: ArmModel) -> Array:
+        """Return the time constant of the torque on the links, shape (nv,) [s].
+
+        An inner torque loop of bandwidth ω and damping 0.7 answers as late as a lag of 1.4/ω.
+
+        Args:
+            arm: The arm.
+        """
+        lag = per_joint("torque_lag", self.torque_lag, arm.nv)
+        if self.torque_sensor is None or not self.is_elastic:
+            return lag
+        elastic = np.isfinite(per_joint("joint_stiffness", self.joint_stiffness, arm.nv))
+        return np.where(elastic, 1.4 / self.torque_bandwidth, lag)
+
+    def delay_bound(self, arm: ArmModel, dt: float) -> Array:
+        """Return the time from a measurement to the torque that it leads to, T + (delay + 1/2)·dt, shape (nv,) [s].
+
+        Args:
+            arm: The arm.
+            dt: Control period [s].
+        """
+        return self.lag(arm) + (self.delay + 0.5) * dt
+
+
+_PUBLISHED: dict[str, dict[str, Any]] = {
+    "panda": {"delay": 1, "torque_rate": 1000.0},
+    "fr3": {"delay": 1, "torque_rate": 1000.0},
+}
+
+
+def _optional(
+    name: str, value: ArrayLike | None, admissible: str, is_admissible: Any
+) -> Array | None:
+    return None if value is None else gain(name, value, admissible, is_admissible)
+
+
+def _or_infinite(name: str, value: ArrayLike) -> Array:
+    """Positive numbers, of which some may be infinite."""
+    array = np.array(value, dtype=np.float64)
+    gain(name, np.where(np.isposinf(array), 1.0, array), "positive (+inf for none)", _is_positive)
+    array.setflags(write=False)
+    return array
+
+
+def _is_positive(x: Array) -> Any:
+    return x > 0.0
+
+
+def _is_not_negative(x: Array) -> Any:
+    return x >= 0.0

@@ -1,0 +1,157 @@
+"""Runs of a `HardwareController` on drives by compiled code; `closed_loop.run` specifies what they compute."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..control.encoders import QuantizedEncoders
+from ..control.hardware_controller import HardwareController
+from ..exceptions import UnsupportedJointError
+from ..interaction import Perfect
+from ..law.lag import lag_of
+from ..trajectories import Reference
+from .checkpoint import Checkpoint
+from .closed_loop import SPEED_BOUND, ClosedLoop, OnTick, empty_channels
+from .plants import DrivenPlant
+from .plants.sticking import StickingPlant
+from .result import SimulationResult
+from .sampling import sample, tick_times
+
+BLOCK = 1000
+"""Ticks in a block: between two of them the interpreter gets its turn."""
+
+
+def run_driven(
+    loop: ClosedLoop, on_tick: OnTick | None = None, checkpoint: Checkpoint | None = None
+) -> SimulationResult | None:
+    """Run a closed loop by compiled code; None where it has no compiled form, or at inputs that this refuses.
+
+    Raises:
+        DivergenceError: A joint left every sensible range.
+        InputError: The reference or the environment is not what a controller takes.
+    """
+    if checkpoint is not None or not _has_form(loop):
+        return None
+    try:
+        run = _DrivenRun(loop)
+    except UnsupportedJointError:
+        return None
+    for start in range(0, loop.ticks + 1, BLOCK):
+        block = range(start, min(start + BLOCK, loop.ticks + 1))
+        if not run.do(block):
+            return None
+        if on_tick is not None:
+            on_tick(block.stop - 1, loop.ticks)
+    return loop.result(run.channels, loop.ticks + 1)
+
+
+def _has_form(loop: ClosedLoop) -> bool:
+    law, engine = _law(loop.controller), loop.engine
+    if law is None or law._form is None or not isinstance(engine, DrivenPlant):
+        return False
+    from .compiled.environment import can_sample  # noqa: PLC0415 (Numba is loaded when needed)
+
+    sticks = isinstance(engine.links, StickingPlant)
+    plain = sticks or not (engine.arm.viscous.any() or engine.arm.coulomb.any())
+    is_rigid = not engine.elastic.any()
+    watched = loop.stops is not None or type(loop.sensor) is not Perfect
+    return plain and is_rigid and not watched and can_sample(loop.environment)
+
+
+def _law(controller: Any) -> HardwareController | None:
+    """The controller behind encoders, or without them."""
+    inner = controller.controller if type(controller) is QuantizedEncoders else controller
+    return inner if type(inner) is HardwareController else None
+
+
+class _DrivenRun:
+    """One run."""
+
+    def __init__(self, loop: ClosedLoop) -> None:
+        from ..control.compiled import hardware_tick as tick  # noqa: PLC0415 (Numba is loaded when needed)
+        from .compiled import driven  # noqa: PLC0415
+        from .compiled.environment import EnvironmentTables  # noqa: PLC0415
+
+        law, engine = _law(loop.controller), loop.engine
+        assert law is not None  # noqa: S101
+        assert isinstance(engine, DrivenPlant)  # noqa: S101
+        nq, nv = loop.plant.nq, loop.plant.nv
+        loop.environment.torque(loop.plant, 0.0, loop.q, loop.v)  # refuses what does not fit the arm
+        self.loop, self.law = loop, law
+        self.surroundings = EnvironmentTables(loop.environment, loop.plant)
+        self.channels = empty_channels(loop.ticks + 1, nq, nv)
+        for name in ("saturated", "rate_limited", "clipped", "reference_limited"):
+            self.channels[name][:] = False
+        started, state = engine.begin(loop.q, loop.v, loop.h), law.init()
+        self.memory = tick.TickMemory(*(np.array(part) for part in state[1:]))
+        self.moving = driven.DriveMemory(
+            *(loop.q.copy(), loop.v.copy(), np.array(started.torque), np.array(started.pending))
+        )
+        form: Any = law._form
+        log = driven.DrivenLog(*(self.channels[name] for name in driven.DrivenLog._fields))
+        self.fixed = form.tables, _drive_tables(loop, engine, law)
+        self.rest = (
+            *(tick.tick_space(nq, nv), driven.drive_space(nq, nv), tick.tick_output(nq, nv)),
+            log,
+        )
+
+    def do(self, block: range) -> bool:
+        """Do a block of ticks; False where the compiled tick refuses one.
+
+        Raises:
+            DivergenceError: A joint left every sensible range.
+            InputError: The reference or the environment is not what a controller takes.
+        """
+        from .compiled import driven  # noqa: PLC0415 (Numba is loaded when needed)
+
+        loop, dt = self.loop, self.loop.controller.dt
+        times = tick_times(block, dt)
+        reference = _rows(sample(loop.controller.arm, loop.trajectory, times), len(block))
+        at = (np.array(block)[:, None] * dt + np.arange(loop.substeps) * loop.h).ravel()
+        environment = self.surroundings.driven(self.surroundings.sampled(at))
+        clock = driven.DrivenClock(
+            np.array([block.start, block.stop, loop.ticks, loop.substeps]),
+            np.zeros(2, dtype=np.int64),
+        )
+        arguments = (
+            *self.fixed, environment, driven.DrivenWish(*reference), self.memory, self.moving,
+            *self.rest, clock,
+        )  # fmt: skip
+        ending = driven.driven_kernel(arguments)(*arguments)
+        if ending == driven.DIVERGED:
+            tick, joint = clock.outcome.tolist()
+            raise loop.divergence(tick, joint, self.channels)
+        return bool(ending == driven.FINISHED)
+
+
+def _rows(reference: Reference, rows: int) -> Reference:
+    """One row for each tick."""
+    return Reference(
+        *(np.ascontiguousarray(np.broadcast_to(part, (rows, part.shape[1]))) for part in reference)
+    )
+
+
+def _drive_tables(loop: ClosedLoop, engine: DrivenPlant, law: HardwareController) -> Any:
+    from ..robot.compiled.dynamics import CompiledDynamics  # noqa: PLC0415 (Numba is loaded when needed)
+    from .compiled.driven import DriveTables  # noqa: PLC0415
+
+    arm, nv, links = engine.arm, engine.arm.nv, engine.links
+    encoders = loop.controller
+    count = (
+        encoders.resolution.copy() if isinstance(encoders, QuantizedEncoders) else np.zeros(nv)
+    )
+    joints = np.array(
+        [
+            *lag_of(engine.time_constant, loop.h),
+            *(engine.ripple, engine.cogging, engine.ripple_periods, arm.coulomb, arm.viscous),
+        ]
+    )
+    rest, unit, zero = np.zeros(nv), np.ones(nv), np.zeros(nv)
+    errors = ((zero, zero, unit), (zero, unit, zero), (unit, zero, zero))
+    target = np.array([law._filter.error(*each, rest, rest) for each in errors])
+    rise = links.stribeck if isinstance(links, StickingPlant) else 0.0
+    free = CompiledDynamics(arm.with_friction(0.0, 0.0)).tables
+    numbers = np.array([loop.h, rise, SPEED_BOUND])
+    return DriveTables(free, joints, np.array(arm.neutral), count, target, numbers)

@@ -1,0 +1,138 @@
+"""Rigid links with dry friction that sticks: Coulomb's set-valued law with Stribeck's rise towards standstill."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..._common.arrays import Array
+from ..._common.brief import brief_repr
+from ..._common.frozen import set_fields
+from ...control.backends import is_available
+from ...exceptions import ParameterError
+from ...interaction import Interaction
+from ...robot.arm_model import ArmModel
+from .protocol import Motion
+
+STRIBECK_SPEED = 0.05
+"""Speed at which the rise has fallen to 37 % [rad/s or m/s]."""
+
+ROUNDS = 6
+"""Passes over the joints in a step; one would do if the joints were not coupled."""
+
+
+def rub(
+    v: Array, A: Array, dry: Array, viscous: Array, p: Array, stribeck: float, rounds: int
+) -> int:
+    """Let friction act over a step: change v by A·p, with p the impulses of friction (projected Gauss-Seidel).
+
+    Of every joint either sticks, v = 0 with abs(p) ≤ dry, or slides, p = -(dry + viscous·abs(v))·sgn(v).
+
+    Args:
+        v: Velocity without friction, shape (nv,); becomes that with friction.
+        A: M⁻¹, shape (nv, nv).
+        dry: Largest impulse of Coulomb friction, h·tau_c, shape (nv,).
+        viscous: h·d, shape (nv,).
+        p: Work space, shape (nv,).
+        stribeck: Rise of dry friction towards standstill.
+        rounds: Passes over the joints.
+    """
+    n = len(v)
+    for i in range(n):
+        p[i] = 0.0
+    for _ in range(rounds):
+        for i in range(n):
+            free = v[i] - A[i, i] * p[i]
+            rise = 1.0 + stribeck * np.exp(-((v[i] / STRIBECK_SPEED) ** 2))
+            slows = A[i, i] * dry[i] * rise
+            left = max(abs(free) - slows, 0.0) / (1.0 + A[i, i] * viscous[i])
+            v_next = left if free > 0.0 else -left
+            change = (v_next - free) / A[i, i] - p[i]
+            p[i] += change
+            for j in range(n):
+                v[j] += A[j, i] * change
+    return 0
+
+
+@functools.cache
+def _compiled_rub() -> Callable[..., Any]:
+    """The same compiled, where that is possible."""
+    if not is_available("pinocchio"):
+        return rub
+    from ..compiled.friction import rub_kernel  # noqa: PLC0415 (Numba is loaded when needed)
+
+    return rub_kernel()
+
+
+@brief_repr("arm", "stribeck")
+@dataclass(frozen=True, eq=False, init=False)
+class StickingPlant:
+    """Rigid links whose dry friction holds them at rest, as that of gears does.
+
+    The arm's own friction, tau_c and d of every joint, acts as
+
+        d·v + tau_c·(1 + stribeck·e^(-(v/0.05)²))·sgn(v),    sgn(0) anything from -1 to 1,
+
+    where `RigidPlant` smooths the sign over 0.05 rad/s, so that an arm that is pushed creeps. Steps are semi-implicit
+    Euler with the impulse of friction at their end, which is stable for every friction. Its state is the links' motion.
+
+    Attributes:
+        arm: The links, with their friction.
+        stribeck: How much larger dry friction is at rest than in motion, relative.
+
+    Raises:
+        ParameterError: A rise below 0.
+
+    References:
+        B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, A survey of models, analysis tools and compensation methods
+        for the control of machines with friction, Automatica 30, 1994.
+        J. J. Moreau, Unilateral contact and dry friction in finite freedom dynamics, 1988 (impulses at a step's end).
+    """
+
+    arm: ArmModel
+    stribeck: float
+    _free: ArmModel
+
+    def __init__(self, arm: ArmModel, stribeck: float = 0.2) -> None:
+        if not 0.0 <= stribeck < np.inf:
+            raise ParameterError("stribeck", stribeck, "zero or positive and finite")
+        free = arm.with_friction(0.0, 0.0)
+        set_fields(self, arm=arm.copy(), stribeck=float(stribeck), _free=free)
+
+    def begin(self, q: Array, v: Array, h: float) -> Motion:
+        """Return the state at the start of a run; see `Plant.begin`."""
+        del h
+        return Motion(q, v)
+
+    def motion(self, state: Motion) -> Motion:
+        """Return how the links move: the state itself."""
+        return state
+
+    def measured(self, state: Motion) -> Motion:
+        """Return how the links move: the encoders are on them."""
+        return state
+
+    def external_torque(self, state: Motion, environment: Interaction, t: float) -> Array:
+        """Return what the environment does; see `Plant.external_torque`."""
+        return environment.torque(self.arm, t, state.q, state.v)
+
+    def acceleration(self, state: Motion, tau: Array, tau_ext: Array) -> Array:
+        """Return the acceleration without the friction of a joint at rest; see `Plant.acceleration`."""
+        sliding = self.arm.coulomb * np.sign(state.v) + self.arm.viscous * state.v
+        return self._free.raw_dynamics.forward_dynamics(state.q, state.v, tau + tau_ext - sliding)
+
+    def step(
+        self, state: Motion, tau: Array, environment: Interaction, t: float, h: float
+    ) -> Motion:
+        """Return the state after one step; see `Plant.step`."""
+        arm, dynamics = self.arm, self._free.raw_dynamics
+        torque = tau + environment.torque(arm, t, state.q, state.v)
+        A = dynamics.inverse_mass_matrix(state.q)
+        v = state.v + h * (A @ (torque - dynamics.bias(state.q, state.v)))
+        work = np.empty(arm.nv)
+        _compiled_rub()(v, A, h * arm.coulomb, h * arm.viscous, work, self.stribeck, ROUNDS)
+        return Motion(dynamics.integrate(state.q, h * v), v)
