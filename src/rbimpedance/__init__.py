@@ -103,6 +103,7 @@ from .study import run_study as run_study
 from .trajectories import Reference as Reference
 from .tuning import CartesianGainProposal as CartesianGainProposal
 from .tuning import GainProposal as GainProposal
+from .tuning import HardwareProposal as HardwareProposal
 from .tuning import MotionMargin as MotionMargin
 from .tuning import Uncertainty as Uncertainty
 from .tuning import propose_cartesian_gains as propose_cartesian_gains

@@ -15,10 +15,10 @@ from .estimation.noise_gate import GateState
 # Rows of `HardwareState.rows`.
 V, DISTURBANCE, TORQUE = 0, 1, 2
 OPENING, INNOVATION = 3, 4
-PARAMETERS, COVARIANCE, REGRESSORS = 5, 8, 14  # 3, 6 and 4 rows
-Q_E, V_E, TAU_EXT, Q_E_BEFORE, V_E_BEFORE = range(18, 23)
-TAU = 23
-ROWS = 24
+PARAMETERS, COVARIANCE, REGRESSORS = 5, 8, 14  # 3, 6 and 6 rows
+Q_E, V_E, TAU_EXT, Q_E_BEFORE, V_E_BEFORE = range(20, 25)
+TAU = 25
+ROWS = 26
 
 
 class HardwareState(NamedTuple):

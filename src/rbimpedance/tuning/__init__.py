@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ..control.imperfect import ImperfectController as ImperfectController
+from .hardware_proposal import HardwareProposal as HardwareProposal
 from .motions import MotionMargin as MotionMargin
 from .plant_sample import PlantSample as PlantSample
 from .proposal import GainProposal as GainProposal

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,10 +19,12 @@ from ..law.limits import Limits, as_limits
 from ..law.super_twisting import SuperTwisting
 from ..law.surfaces import NonsingularTerminalSurface, Surface
 from ..robot.arm_model import ArmModel
+from ..robot.hardware import Hardware
 from ..simulation.violations import error_unit
 from ..trajectories import Trajectory
 from .checks import Checked
 from .gain_design import DesignTask
+from .hardware_proposal import HardwareProposal, propose_for_hardware
 from .mismatch import Mismatch
 from .motions import MotionMargin
 from .remedies import Remedy, Trial, Tried, try_remedies
@@ -155,6 +157,34 @@ class GainProposal:
     ways_out = renamed_attribute("ways_out", "remedies")
 
 
+ACCURACY = 1e-3
+"""Largest error abs(e1) that is allowed after the reaching phase where none is given [rad or m]."""
+
+
+@overload
+def propose_gains(
+    arm: ArmModel,
+    uncertainty: Uncertainty,
+    trajectory: Trajectory,
+    dt: float,
+    *,
+    hardware: None = None,
+    **options: Any,
+) -> GainProposal: ...
+
+
+@overload
+def propose_gains(
+    arm: ArmModel,
+    uncertainty: Uncertainty,
+    trajectory: Trajectory,
+    dt: float,
+    *,
+    hardware: Hardware,
+    **options: Any,
+) -> GainProposal | HardwareProposal: ...
+
+
 def propose_gains(
     arm: ArmModel,
     uncertainty: Uncertainty,
@@ -167,14 +197,19 @@ def propose_gains(
     spread: MotionMargin | None = None,
     limits: Limits | ArrayLike | None = None,
     duration: float = 5.0,
-    accuracy: float = 1e-3,
+    accuracy: float | None = None,
+    hardware: Hardware | None = None,
     **search: Any,
-) -> GainProposal:
+) -> GainProposal | HardwareProposal:
     """Propose gains for an arm from what is not known about it.
 
     Bounds come from sampled plants on sampled motions around the trajectory; the gains follow from them, are checked
     by `certify` and against the scheme's margins for input gain and noise at this period, and the worst samples are
     simulated. docs/tuning.md explains how, and what is not covered.
+
+    With `hardware` the controller is a `HardwareController`, whose bandwidths follow from delay, friction and noise of
+    the encoders, and the worst samples are simulated on that hardware (docs/hardware-limits.md). Perfect hardware is
+    as none.
 
     Args:
         arm: The arm as it is modelled.
@@ -188,7 +223,9 @@ def propose_gains(
         limits: `Limits` of the actuators or an array-like of torque limits, such as `arm.effort_limit`: the motion has
             to be possible within them on every plant, and the controller keeps them. None for none.
         duration: Length of the motion that counts, and of the simulations [s].
-        accuracy: Largest error abs(e1) allowed after the reaching phase [rad or m].
+        accuracy: Largest error abs(e1) allowed after the reaching phase; by default 1e-3, with `hardware` what it
+            allows [rad or m].
+        hardware: What stands between a tick and the links; None for nothing.
         **search: The fields of `gain_design.Search`: samples, instants, seed, backend, on_tick, remedy_time.
 
     Returns:
@@ -210,13 +247,15 @@ def propose_gains(
         dt=positive_number("dt", dt, "control period in seconds"),
         surface=surface,
         duration=positive_number("duration", duration, "length in seconds"),
-        accuracy=positive_number("accuracy", accuracy, "error"),
+        accuracy=positive_number("accuracy", ACCURACY if accuracy is None else accuracy, "error"),
         spread=MotionMargin() if spread is None else spread,
         limits=_checked_limits(limits, arm.nv),
         **search,
     )
     q0 = np.array(arm.ready if q0 is None else arm.check_configuration("q0", q0))
     target = _usual_impedance() if impedance is None else impedance
+    if hardware is not None and not hardware.is_perfect:
+        return propose_for_hardware(task, hardware, target, q0, accuracy)
     return _searched(Trial(task, target, q0))
 
 

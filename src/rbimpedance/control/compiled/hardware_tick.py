@@ -347,15 +347,13 @@ def _learn(tables: HardwareTables, space: TickSpace, memory: TickMemory, out: Ti
         theta, covariance, regressors = learned(
             (rows[PARAMETERS, j], rows[PARAMETERS + 1, j], rows[PARAMETERS + 2, j]),
             (rows[P, j], rows[P + 1, j], rows[P + 2, j], rows[P + 3, j], rows[P + 4, j], rows[P + 5, j]),
-            (rows[R, j], rows[R + 1, j], rows[R + 2, j], rows[R + 3, j]),
+            (rows[R, j], rows[R + 1, j], rows[R + 2, j], rows[R + 3, j], rows[R + 4, j], rows[R + 5, j]),
             rows[V, j], rows[DISTURBANCE, j], omega, h, tables.numbers[FORGETTING],
         )  # fmt: skip
         for i in range(3):
             rows[PARAMETERS + i, j] = theta[i]
         for i in range(6):
-            rows[P + i, j] = covariance[i]
-        for i in range(4):
-            rows[R + i, j] = regressors[i]
+            rows[P + i, j], rows[R + i, j] = covariance[i], regressors[i]
         after = _friction(rows, j, out.rows[OUT_V_R, j])
         rows[DISTURBANCE, j] += after - space.rows[_FRICTION, j]
         space.rows[_FRICTION, j] = after

@@ -30,7 +30,6 @@ MEMORY = 3.3
 """Time after which a measurement counts e times less [s]."""
 
 Triple: TypeAlias = tuple[Array, Array, Array]
-Quadruple: TypeAlias = tuple[Array, Array, Array, Array]
 Sextuple: TypeAlias = tuple[Array, Array, Array, Array, Array, Array]
 
 # --- formulas, for all joints at once or for one ------------------------------------------------------------------
@@ -52,16 +51,16 @@ def friction_torque(dry: Array, viscous: Array, constant: Array, v: Array, width
 def learned(
     parameters: Triple,
     covariance: Sextuple,
-    regressors: Quadruple,
+    regressors: Sextuple,
     v: Array,
     disturbance: Array,
     bandwidth: Array,
     h: float,
     forgetting: float,
-) -> tuple[Triple, Sextuple, Quadruple]:
+) -> tuple[Triple, Sextuple, Sextuple]:
     """Return parameters, covariance and regressors after a step of the recursive least squares.
 
-    With x the regressors (tanh(v/width), v, 1) behind two low-passes and y = P·x,
+    With x the regressors (tanh(v/width), v, 1) behind two low-passes that start from zero, and y = P·x,
 
         θ ← θ - y·d/(λ·σ² + xᵀy),    P ← (P - y·yᵀ/(λ·σ² + xᵀy))/λ,
 
@@ -70,7 +69,7 @@ def learned(
     Args:
         parameters: θ, dry, viscous and constant part.
         covariance: P as P00, P01, P02, P11, P12, P22.
-        regressors: tanh(v/width) and v behind one low-pass, then behind two.
+        regressors: tanh(v/width), v and 1 behind one low-pass, then behind two.
         v: Estimated speed.
         disturbance: d, estimated.
         bandwidth: Of the observer [rad/s].
@@ -78,16 +77,16 @@ def learned(
         forgetting: λ.
     """
     share = 1.0 - np.exp(-bandwidth / 1.5 * h)
-    sign1, speed1, sign2, speed2 = regressors
-    sign1 = sign1 + share * (np.tanh(v / SMOOTHING) - sign1)
-    speed1 = speed1 + share * (v - speed1)
-    x0 = sign2 + share * (sign1 - sign2)
-    x1 = speed2 + share * (speed1 - speed2)
+    sign, speed, one, x0, x1, x2 = regressors
+    sign = sign + share * (np.tanh(v / SMOOTHING) - sign)
+    speed = speed + share * (v - speed)
+    one = one + share * (1.0 - one)
+    x0, x1, x2 = x0 + share * (sign - x0), x1 + share * (speed - x1), x2 + share * (one - x2)
     p00, p01, p02, p11, p12, p22 = covariance
-    y0 = p00 * x0 + p01 * x1 + p02
-    y1 = p01 * x0 + p11 * x1 + p12
-    y2 = p02 * x0 + p12 * x1 + p22
-    scale = forgetting * NOISE_VARIANCE + x0 * y0 + x1 * y1 + y2
+    y0 = p00 * x0 + p01 * x1 + p02 * x2
+    y1 = p01 * x0 + p11 * x1 + p12 * x2
+    y2 = p02 * x0 + p12 * x1 + p22 * x2
+    scale = forgetting * NOISE_VARIANCE + x0 * y0 + x1 * y1 + x2 * y2
     dry, viscous, constant = parameters
     dry = np.maximum(dry - y0 * disturbance / scale, 0.0)
     viscous = np.maximum(viscous - y1 * disturbance / scale, 0.0)
@@ -97,7 +96,7 @@ def learned(
     p02, p12 = (p02 - y0 * y2 / scale) / forgetting, (p12 - y1 * y2 / scale) / forgetting
     fits = LARGEST_VARIANCE / np.maximum(np.maximum(p00, p11), np.maximum(p22, LARGEST_VARIANCE))
     after = (p00 * fits, p01 * fits, p02 * fits, p11 * fits, p12 * fits, p22 * fits)
-    return (dry, viscous, constant), after, (sign1, speed1, x0, x1)
+    return (dry, viscous, constant), after, (sign, speed, one, x0, x1, x2)
 
 
 # --- the learner --------------------------------------------------------------------------------------------------
@@ -109,7 +108,7 @@ class FrictionState(NamedTuple):
     Attributes:
         parameters: Dry [N·m or N], viscous [N·m·s/rad or N·s/m] and constant [N·m or N] part, shape (3, nv).
         covariance: Of these, its upper triangle row by row, shape (6, nv).
-        regressors: tanh(v/width) and v behind one low-pass, then behind two, shape (4, nv).
+        regressors: tanh(v/width), v and 1 behind one low-pass, then behind two, shape (6, nv).
     """
 
     parameters: Array
@@ -165,7 +164,7 @@ class FrictionLearner:
         """Return the state before anything is known: no friction."""
         covariance = np.zeros((6, self.nv))
         covariance[[0, 3, 5]] = np.array(START)[:, None]
-        return FrictionState(np.zeros((3, self.nv)), covariance, np.zeros((4, self.nv)))
+        return FrictionState(np.zeros((3, self.nv)), covariance, np.zeros((6, self.nv)))
 
     def torque(self, state: FrictionState, v: Array) -> Array:
         """Return the learned friction at a speed that has no noise, shape (nv,) [N·m or N].

@@ -40,6 +40,7 @@ from .environment import Environment, environment_torque
 from .loop import own_type, runaway
 
 rub = compiled(sticking.rub)
+sliding_friction = compiled(sticking.sliding_friction)
 
 # Rows of `DriveTables.joints`.
 DECAY, MEAN, RIPPLE, COGGING, PERIODS, COULOMB, VISCOUS = range(7)
@@ -308,7 +309,7 @@ def _write(
         sent = moving.pending[0, j] if len(moving.pending) else o[OUT_TAU, j]
         now = moving.torque[j] if joints[DECAY, j] > 0.0 else sent
         v = moving.v[j]
-        slides = joints[COULOMB, j] * np.sign(v) + joints[VISCOUS, j] * v
+        slides = sliding_friction(joints[COULOMB, j], joints[VISCOUS, j], v)
         rows[_A, j] = (
             _rippled(plant, j, moving.q, now) + space.tau_ext[j] - rows[_BIAS, j] - slides
         )

@@ -25,6 +25,21 @@ ROUNDS = 6
 """Passes over the joints in a step; one would do if the joints were not coupled."""
 
 
+AT_REST = 1e-6
+"""Speed up to which a joint counts as resting [rad/s or m/s]."""
+
+
+def sliding_friction(dry: Array, viscous: Array, v: Array) -> Array:
+    """Return the friction of joints that slide; none where they rest.
+
+    Args:
+        dry: Coulomb friction.
+        viscous: Viscous friction.
+        v: Velocity.
+    """
+    return dry * np.sign(v) * (np.abs(v) > AT_REST) + viscous * v
+
+
 def rub(
     v: Array, A: Array, dry: Array, viscous: Array, p: Array, stribeck: float, rounds: int
 ) -> int:
@@ -122,7 +137,7 @@ class StickingPlant:
 
     def acceleration(self, state: Motion, tau: Array, tau_ext: Array) -> Array:
         """Return the acceleration without the friction of a joint at rest; see `Plant.acceleration`."""
-        sliding = self.arm.coulomb * np.sign(state.v) + self.arm.viscous * state.v
+        sliding = sliding_friction(self.arm.coulomb, self.arm.viscous, state.v)
         return self._free.raw_dynamics.forward_dynamics(state.q, state.v, tau + tau_ext - sliding)
 
     def step(

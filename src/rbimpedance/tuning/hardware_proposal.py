@@ -1,0 +1,323 @@
+"""`propose_gains` for an arm as it is delivered: bandwidths from its hardware, checked in simulation on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .._common.arrays import Array
+from .._common.brief import brief_repr
+from ..control.encoders import QuantizedEncoders
+from ..control.hardware_controller import HardwareController
+from ..control.protocol import Controller
+from ..exceptions import DivergenceError, ParameterError
+from ..law.impedance import Impedance
+from ..law.limits import Limits
+from ..robot.arm_model import ArmModel
+from ..robot.hardware import Hardware
+from ..simulation.plants import DrivenPlant
+from ..simulation.run import simulate
+from .gain_design import DesignTask, Measured, measure_task
+from .hardware_bandwidths import (
+    HardwareBandwidths,
+    HardwareDemand,
+    bandwidths,
+    variation_of_motion,
+)
+from .plant_sample import PlantSample
+from .worst_case import true_error
+
+BEST = 2e-3
+"""Accuracy that is aimed at where none is requested [rad or m]."""
+
+LOUDEST = 2.0
+"""A torque that varies by more than this times what the motion needs, and by 2 N·m/s more, is too loud."""
+
+_FLOOR = 2.0  # N·m/s
+_JUMP_TARGET = 0.35  # of the accuracy: a jump comes on top of the rest
+_LEAST_FRICTION = 0.5  # N·m that a joint is prepared for where none is stated
+_K2_OVER_MISMATCH = 60.0  # reversals stay in the linear zone of the reaching term
+_LATE = 0.4  # share of the run after which errors and variation are taken
+_ROUNDS = 3
+
+
+class HardwareRun(NamedTuple):
+    """One plant in closed loop on the hardware.
+
+    Attributes:
+        sample: The plant.
+        error: Largest true error abs(e1) late in the run, shape (nv,); infinite where it diverged [rad or m].
+        variation: Of the torque over that time, over all joints [N·m/s or N/s].
+        needed: Variation that the motion itself needs [N·m/s or N/s].
+    """
+
+    sample: PlantSample
+    error: Array
+    variation: float
+    needed: float
+
+    @property
+    def is_loud(self) -> bool:
+        """Whether the torque varies by more than it may."""
+        return not self.variation <= LOUDEST * self.needed + _FLOOR
+
+
+@brief_repr("feasible", "reason", "hardware", "arm", "error", "variation")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class HardwareProposal:
+    """A controller for an arm on its hardware, or the reason why there is none; arrays have shape (nv,).
+
+    Attributes:
+        feasible: Whether the worst samples are accurate and quiet on this hardware.
+        reason: Why not; empty where feasible.
+        joint: Joint that makes it infeasible, or None.
+        remedies: What would help, in words.
+        hardware: What it is made for.
+        arm: The model that the controller should use.
+        payload: Payload in that model [kg].
+        dt: Control period [s].
+        bandwidths: Of the loop, and what bounds them on every joint.
+        demand: What they follow from.
+        k2: Acceleration up to which the reaching term is linear [rad/s² or m/s²].
+        runs: The simulated worst samples.
+        limits: Of the actuators; None for none.
+    """
+
+    feasible: bool
+    reason: str
+    joint: str | None
+    remedies: tuple[str, ...]
+    hardware: Hardware
+    arm: ArmModel
+    payload: float
+    dt: float
+    bandwidths: HardwareBandwidths
+    demand: HardwareDemand
+    k2: Array
+    runs: tuple[HardwareRun, ...]
+    limits: Limits | None
+
+    @property
+    def error(self) -> Array:
+        """Largest error abs(e1) of the simulated worst samples, late in the run [rad or m]."""
+        return np.max([run.error for run in self.runs], axis=0)
+
+    @property
+    def variation(self) -> float:
+        """Largest torque variation of them, over what the motion needs."""
+        return max(run.variation / run.needed for run in self.runs)
+
+    def controller(
+        self, impedance: Impedance | None = None, *, limits: Limits | ArrayLike | None = None
+    ) -> HardwareController:
+        """Build the controller that was proposed.
+
+        Args:
+            impedance: Target impedance; M_d = 1, D_d = 10, K_d = 20 by default, as in the paper.
+            limits: Of the actuators; those of the proposal by default.
+
+        Raises:
+            ParameterError: The proposal is not feasible.
+        """
+        if not self.feasible:
+            raise ParameterError("proposal", self.reason, "feasible; see its remedies")
+        return _controller(self, impedance, self.limits if limits is None else limits)
+
+    def explain(self) -> str:
+        """Explain the proposal, joint by joint: what bounds it, with the number; or why there is none."""
+        if not self.feasible and not self.runs:
+            return "\n".join([f"No controller: {self.reason}.", *self._listed()])
+        lines = [
+            f"Torque acts {1e3 * self.demand.delay.max():.3g} ms after the measurement; the motion needs "
+            f"{self.demand.need:.3g} N·m/s of torque variation, counting adds {self.bandwidths.noise:.3g}."
+        ]
+        for j, name in enumerate(self.arm.joint_names):
+            lines.append(
+                f"- {name}: {self.bandwidths.quiet[j]:.3g} rad/s, up to {self.bandwidths.alert[j]:.3g} at a "
+                f"disturbance; bound by {self._words(j)}"
+            )
+        lines.append(
+            f"Simulated on the worst samples: error {1e3 * self.error.max():.3g} mrad, torque variation "
+            f"{self.variation:.2g} times what the motion needs."
+        )
+        if not self.feasible:
+            lines.append(f"Not feasible: {self.reason}.")
+        return "\n".join([*lines, *self._listed()])
+
+    def _words(self, j: int) -> str:
+        demand = self.demand
+        return {
+            "delay": f"the delay of {1e3 * demand.delay[j]:.3g} ms",
+            "friction": f"what a jump of {demand.jump[j]:.3g} N·m needs: more is not worth its noise",
+            "noise": f"the noise of counts of {1e6 * demand.count[j]:.3g} µrad",
+        }[self.bandwidths.bound[j]]
+
+    def _listed(self) -> list[str]:
+        return [f"- {remedy}" for remedy in self.remedies]
+
+
+def propose_for_hardware(
+    task: DesignTask,
+    hardware: Hardware,
+    impedance: Impedance,
+    q0: Array,
+    accuracy: float | None,
+    on_tick: Callable[[int, int], None] | None,
+) -> HardwareProposal:
+    """Return the proposal for an arm on its hardware; see `propose_gains`.
+
+    Args:
+        task: The requirements.
+        hardware: What stands between tick and links.
+        impedance: Target impedance of the simulations.
+        q0: Initial configuration, shape (nq,).
+        accuracy: Largest error allowed; None for what the hardware allows [rad or m].
+        on_tick: Called with (ticks done, ticks in all) of every simulation.
+    """
+    smooth = replace(task, uncertainty=task.uncertainty.but(coulomb=0.0, viscous=0.0))
+    measured = measure_task(smooth)
+    found = _designed(task, hardware, measured, accuracy or BEST)
+    if hardware.is_elastic:
+        return _refused_for_springs(found)
+    aim = _JUMP_TARGET * (accuracy or BEST)
+    for _ in range(_ROUNDS):
+        found = replace(found, runs=tuple(_runs(task, found, impedance, q0, on_tick)))
+        if not any(run.is_loud for run in found.runs):
+            break
+        aim *= 2.0  # a slower loop is quieter
+        found = _designed(task, hardware, measured, aim / _JUMP_TARGET)
+    else:
+        found = replace(found, runs=tuple(_runs(task, found, impedance, q0, on_tick)))
+    return _judged(found, accuracy)
+
+
+def _designed(
+    task: DesignTask, hardware: Hardware, measured: Measured, accuracy: float
+) -> HardwareProposal:
+    """Bandwidths and gains, not simulated yet."""
+    arm, q = measured.model, task.trajectory(0.0).q
+    friction = np.maximum(task.uncertainty.coulomb.max(axis=0) + task.arm.coulomb, _LEAST_FRICTION)
+    heaviest = task.uncertainty.sample(task.arm, 1, seed=task.seed)[0].plant
+    mismatch = measured.mismatch
+    demand = HardwareDemand(
+        delay=hardware.delay_bound(arm, task.dt),
+        inertia=mismatch.inertia,
+        mass=np.diag(arm.mass_matrix(q)).copy(),
+        jump=2.0 * (1.0 + hardware.stribeck) * friction,
+        count=hardware.count(arm),
+        need=variation_of_motion(heaviest, hardware, task.trajectory, task.duration),
+        accuracy=_JUMP_TARGET * accuracy,
+    )
+    return HardwareProposal(
+        feasible=True,
+        reason="",
+        joint=None,
+        remedies=(),
+        hardware=hardware,
+        arm=arm,
+        payload=measured.payload,
+        dt=task.dt,
+        bandwidths=bandwidths(demand),
+        demand=demand,
+        k2=_K2_OVER_MISMATCH * (mismatch.torque + friction) / mismatch.inertia,
+        runs=(),
+        limits=task.limits,
+    )
+
+
+def _controller(
+    proposal: HardwareProposal, impedance: Impedance | None, limits: Limits | ArrayLike | None
+) -> HardwareController:
+    target = Impedance(mass=1.0, damping=10.0, stiffness=20.0) if impedance is None else impedance
+    return HardwareController(
+        proposal.arm,
+        proposal.hardware,
+        target,
+        bandwidths=(proposal.bandwidths.quiet, proposal.bandwidths.alert),
+        dt=proposal.dt,
+        k2=proposal.k2,
+        limits=limits,
+    )
+
+
+def _runs(
+    task: DesignTask,
+    proposal: HardwareProposal,
+    impedance: Impedance,
+    q0: Array,
+    on_tick: Callable[[int, int], None] | None,
+) -> Iterator[HardwareRun]:
+    """The extreme samples on the hardware."""
+    law = _controller(proposal, impedance, task.limits)
+    hardware = proposal.hardware
+    for sample in _worst(task):
+        controller: Controller[object] = sample.wrap(law, noisy=False)
+        if hardware.encoder_bits is not None:
+            controller = QuantizedEncoders.for_(hardware, controller)
+        plant = DrivenPlant.for_(hardware, sample.plant, task.dt)
+        ticks = max(round(task.duration / task.dt), 10)
+        needed = variation_of_motion(sample.plant, hardware, task.trajectory, task.duration)
+        try:
+            result = simulate(
+                controller, plant, task.trajectory, q0=q0, duration=ticks * task.dt, on_tick=on_tick
+            )
+        except DivergenceError:
+            yield HardwareRun(sample, np.full(task.arm.nv, np.inf), np.inf, needed)
+            continue
+        late = result.t >= _LATE * ticks * task.dt
+        error = np.abs(true_error(sample.plant, result)[late]).max(axis=0)
+        variation = float(result.metrics(after=_LATE * ticks * task.dt)["tau_variation"].sum())
+        yield HardwareRun(sample, error, variation, needed)
+
+
+def _worst(task: DesignTask) -> list[PlantSample]:
+    """The heaviest and the lightest plant, with the most and the least friction."""
+    samples = task.uncertainty.extremes(task.arm)
+    return [samples[i] for i in sorted({0, len(samples) // 2, len(samples) - 1})]
+
+
+def _judged(found: HardwareProposal, accuracy: float | None) -> HardwareProposal:
+    """The proposal, refused where a run is lost, loud or inaccurate."""
+    names, error = found.arm.joint_names, found.error
+    joint = int(np.argmax(error))
+    bound = found._words(joint)
+    if not np.isfinite(error).all():
+        reason, remedies = "the arm is lost in simulation", _shorter(found)
+    elif any(run.is_loud for run in found.runs):
+        reason = (
+            f"the torque varies by {found.variation:.2g} times what the motion needs, more than {LOUDEST:g}"
+        )
+        remedies = ("finer encoders: a bit more lowers the noise to half", *_shorter(found))
+    elif accuracy is not None and error[joint] > accuracy:
+        reason = (
+            f"joint '{names[joint]}' keeps an error of {1e3 * error[joint]:.3g} mrad, more than "
+            f"{1e3 * accuracy:g}; it is bound by {bound}"
+        )
+        remedies = (f"accuracy={1.2 * error[joint]:.2g}", *_shorter(found))
+    else:
+        return found
+    return replace(found, feasible=False, reason=reason, joint=names[joint], remedies=remedies)
+
+
+def _shorter(found: HardwareProposal) -> tuple[str, ...]:
+    return (f"a shorter delay than {1e3 * found.demand.delay.max():.3g} ms",)
+
+
+def _refused_for_springs(found: HardwareProposal) -> HardwareProposal:
+    elastic = np.isfinite(np.broadcast_to(found.hardware.joint_stiffness, (found.arm.nv,)))
+    joint = found.arm.joint_names[int(np.argmax(elastic))]
+    return replace(
+        found,
+        feasible=False,
+        joint=joint,
+        reason=f"joint '{joint}' has a spring: above its resonance only the rotor answers, which this law mistakes "
+        "for a wrong input gain",
+        remedies=(
+            "a torque sensor behind every gear, with an inner torque loop, and encoders on the links",
+            "PD with gravity compensation, `baselines.PDGravity`, which is stable on springs",
+        ),
+    )

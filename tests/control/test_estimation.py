@@ -1,0 +1,160 @@
+"""Estimators find what is there: speed, disturbance and friction of plants whose truth is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rbimpedance as rbi
+from rbimpedance.control.estimation import (
+    ExtendedStateObserver,
+    FrictionLearner,
+    NoiseGate,
+    RobustDifferentiator,
+)
+from rbimpedance.control.estimation.differentiator import implicit_correction
+from rbimpedance.control.estimation.extended_state import correction
+
+from ..arms import pendulum, spinner
+
+H = 1e-3
+
+
+def test_observer_gains_place_three_poles_at_once() -> None:
+    omega = 80.0
+    l1, l2, l3 = (float(part[0]) for part in correction(np.ones(1), np.array([omega]), H))
+    predict = np.array([[1.0, H, H * H / 2], [0.0, 1.0, H], [0.0, 0.0, 1.0]])
+    error = predict @ (np.eye(3) - np.outer([l1, l2, l3], [1.0, 0.0, 0.0]))
+    poles = np.linalg.eigvals(error)
+    assert np.poly(error) == pytest.approx(np.poly(np.full(3, np.exp(-omega * H))), abs=1e-9)
+    assert np.abs(poles).max() < 1.0
+
+
+@pytest.mark.parametrize("delay", [0, 2])
+def test_observer_finds_a_constant_torque_behind_lag_and_delay(delay: int) -> None:
+    """A free mass with a lagging motor and an unknown load; the plant's steps are a hundred times finer."""
+    arm, lag, load = pendulum().with_gravity(np.zeros(3)), 3e-3, 0.7
+    inertia = float(arm.mass_matrix(arm.neutral)[0, 0])
+    observer = ExtendedStateObserver(arm, 100.0, H, lag=lag, delay=delay)
+    state = observer.init(arm.neutral)
+    q = v = torque = 0.0
+    sent = [0.0] * delay
+    for k in range(400):
+        estimate = observer.correct(state, observer.innovation(state, np.array([q])))
+        tau = np.array([np.sin(0.05 * k)])
+        sent.append(float(tau[0]))
+        acting = sent.pop(0)
+        for _ in range(100):
+            torque += (acting - torque) * -np.expm1(-H / 100 / lag)
+            v += H / 100 * (torque + load) / inertia
+            q += H / 100 * v
+        state = observer.predict(estimate, tau, np.zeros(1))
+    assert state.disturbance == pytest.approx(load, abs=0.02)
+    assert state.v == pytest.approx(v, abs=2e-3)
+    assert state.torque == pytest.approx(torque, abs=0.02)
+
+
+def test_observer_looks_ahead_to_when_its_torque_acts() -> None:
+    arm = spinner()
+    observer = ExtendedStateObserver(arm, 50.0, H, lag=2e-3, delay=3)
+    rng = np.random.default_rng(0)
+    state = observer.init(arm.neutral, 0.3 * rng.normal(size=arm.nv))
+    state = state._replace(pending=rng.normal(size=(3, arm.nv)))
+    estimate = observer.correct(state, np.zeros(arm.nv))
+    q, v = observer.ahead(estimate, np.zeros(arm.nv))
+    for _ in range(3):  # the model at one posture, three times
+        state = observer.predict(estimate, np.zeros(arm.nv), np.zeros(arm.nv))
+        estimate = estimate._replace(state=state)
+    assert arm.difference(state.q, q) == pytest.approx(0.0, abs=1e-12)
+    assert state.v == pytest.approx(v, abs=1e-12)
+
+
+def test_gate_stays_closed_under_noise_of_a_count_and_opens_at_a_disturbance() -> None:
+    count = 1e-5
+    gate = NoiseGate(np.array([10.0]), np.array([60.0]), count, H)
+    state, rng = gate.init(), np.random.default_rng(1)
+    for _ in range(2000):
+        state = gate.step(state, count * rng.uniform(-1.0, 1.0, 1))
+    assert state.opening == pytest.approx(0.0, abs=1e-12)
+    assert gate.bandwidth(state) == pytest.approx(10.0)
+    for _ in range(100):
+        state = gate.step(state, np.array([20.0 * count]))
+    assert gate.bandwidth(state) == pytest.approx(60.0, rel=1e-3)
+    closing = [state := gate.step(state, np.zeros(1)) for _ in range(1000)]
+    assert closing[-1].opening < 0.02
+
+
+def test_friction_is_learned_from_the_disturbance_that_it_leaves() -> None:
+    """The disturbance is what an ideal observer, two low-passes late, would give."""
+    learner, omega = FrictionLearner(1, H), np.array([60.0])
+    state, late = learner.init(), [np.zeros(1), np.zeros(1)]
+    share = -np.expm1(-omega / 1.5 * H)
+    for k in range(12000):
+        v = np.array([0.4 * np.sin(k * H * 2.0)])
+        truth = 1.5 * np.tanh(v / 0.02) + 0.8 * v + 0.3
+        late[0] = late[0] + share * (truth - late[0])
+        late[1] = late[1] + share * (late[0] - late[1])
+        filtered = state.parameters * state.regressors[3:]
+        state = learner.step(state, v, filtered.sum(axis=0) - late[1], omega)
+    assert state.parameters[:, 0] == pytest.approx([1.5, 0.8, 0.3], abs=0.05)
+    assert learner.torque(state, np.array([0.3])) == pytest.approx(1.5 + 0.24 + 0.3, abs=0.05)
+
+
+def test_differentiator_is_exact_where_the_acceleration_is_bounded() -> None:
+    law, k = RobustDifferentiator(5.0, H), np.arange(4000)
+    q, v = np.sin(2.0 * k * H), 2.0 * np.cos(2.0 * k * H)  # accelerations up to 4
+    state, speeds = law.init(1), []
+    for position in q:
+        state = law.step(state, np.array([position]))
+        speeds.append(float(state.v[0]))
+    late = slice(2000, None)
+    lag = np.abs(np.array(speeds)[late] - v[late]).max()
+    assert lag < 5.0 * H  # the acceleration times a period
+    assert np.abs(np.diff(speeds)[late]).max() < 1.1 * 5.0 * H  # no chatter: the speed moves as the signal does
+
+
+def test_implicit_step_solves_its_own_equation() -> None:
+    rng, k1, k2, h = np.random.default_rng(0), np.array(3.0), np.array(20.0), 0.01
+    for ahead in rng.uniform(-0.02, 0.02, 50):
+        e, sign = implicit_correction(np.array(ahead), k1, k2, h)
+        assert e + h * k1 * np.sqrt(np.abs(e)) * np.sign(e) + h * h * k2 * sign == pytest.approx(
+            ahead, abs=1e-15
+        )
+        assert abs(sign) <= 1.0
+        assert e == 0.0 or sign == np.sign(e)
+
+
+def test_observer_is_quieter_than_differences_by_the_ratio_that_its_text_states() -> None:
+    """Speeds from counts of a slow motion: the noise of a difference, and of the observer at ω·h = 0.1."""
+    arm, count = pendulum().with_gravity(np.zeros(3)), 2.0 * np.pi / 2**17
+    observer = ExtendedStateObserver(arm, 100.0, H)
+    state, before, seen, told = observer.init(arm.neutral), 0.0, [], []
+    for k in range(3000):
+        q = np.rint(0.1237 * k * H / count) * count
+        estimate = observer.correct(state, observer.innovation(state, np.array([q])))
+        seen.append((q - before) / H)
+        told.append(float(estimate.state.v[0]))
+        before, state = q, observer.predict(estimate, np.zeros(1), np.zeros(1))
+    noise = [float(np.std(series[1000:])) for series in (seen, told)]
+    assert noise[0] > 20.0 * noise[1]
+    assert np.mean(told[1000:]) == pytest.approx(0.1237, rel=1e-2)
+
+
+def test_learned_state_leaves_the_one_before_as_it_was() -> None:
+    learner = FrictionLearner(2, H)
+    state = learner.init()
+    kept = [np.array(part) for part in state]
+    learner.step(state, np.ones(2), np.ones(2), np.full(2, 50.0))
+    assert all(np.array_equal(a, b) for a, b in zip(state, kept, strict=True))
+
+
+def test_bounds_of_the_estimators_are_checked() -> None:
+    arm = pendulum()
+    for make in (
+        lambda: ExtendedStateObserver(arm, -1.0),
+        lambda: NoiseGate(1.0, 0.0, 1e-5, H),
+        lambda: FrictionLearner(1, 0.0),
+        lambda: RobustDifferentiator(0.0, H),
+    ):
+        with pytest.raises(rbi.ParameterError):
+            make()

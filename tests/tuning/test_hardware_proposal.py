@@ -1,0 +1,127 @@
+"""Gains for an arm on its hardware: what bounds them, what is promised, and what is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rbimpedance as rbi
+from rbimpedance.tuning.hardware_bandwidths import (
+    HardwareDemand,
+    bandwidths,
+    variation_of_motion,
+)
+
+from ..arms import manipulator, pendulum
+
+USUAL: dict[str, Any] = {"encoder_bits": 19, "torque_lag": 2e-3, "delay": 1, "stribeck": 0.2}
+
+
+def demand(**changes: float) -> HardwareDemand:
+    values = {"delay": 3.5e-3, "inertia": 0.2, "mass": 0.3, "jump": 4.8, "count": 1.2e-5} | changes
+    one = {name: np.array([value]) for name, value in values.items()}
+    return HardwareDemand(**one, need=10.0, accuracy=0.7e-3)
+
+
+def test_slow_hardware_is_bound_by_its_delay() -> None:
+    found = bandwidths(demand(delay=20e-3, count=0.0))
+    assert found.bound == ("delay",)
+    assert found.alert == pytest.approx(0.3 / 20e-3)
+
+
+def test_joint_without_much_friction_gets_no_more_bandwidth_than_it_needs() -> None:
+    found = bandwidths(demand(jump=0.2, inertia=2.0, count=0.0))
+    assert found.bound == ("friction",)
+    assert found.jump_error == pytest.approx(0.7e-3)
+
+
+def test_noise_at_the_quiet_bandwidth_is_its_share_of_the_need_whatever_the_count() -> None:
+    for count in (6e-6, 1.2e-5, 2.4e-5):
+        found = bandwidths(demand(count=count))
+        assert found.bound == ("noise",)
+        assert found.noise == pytest.approx(0.3 * 10.0, rel=1e-9)
+
+
+def test_a_bit_less_costs_a_fifth_of_the_bandwidth() -> None:
+    fine, coarse = (float(bandwidths(demand(count=c)).quiet[0]) for c in (1.2e-5, 2.4e-5))
+    assert coarse / fine == pytest.approx(2.0 ** (-1.0 / 3.0), rel=1e-9)
+
+
+def test_predicted_noise_is_that_of_an_observer_on_counts() -> None:
+    """The formula's torque variation against a loop of one joint: counts, observer and law, without a disturbance."""
+    arm = pendulum().with_gravity(np.zeros(3)).with_armature(0.2)
+    hardware, omega = rbi.Hardware(encoder_bits=17), 30.0
+    law = rbi.HardwareController(
+        arm, hardware, bandwidths=(omega, omega), k2=1e3, learns_friction=False
+    )
+    speed = 0.1
+    motion = lambda t: rbi.Reference(arm.neutral + speed * t, np.array([speed]), np.zeros(1))  # noqa: E731
+    result = rbi.simulate(law, arm, motion, v0=np.array([speed]), hardware=hardware, duration=3.0)
+    late = result.t >= 1.0
+    seen = float(np.abs(np.diff(result.tau[late], axis=0)).sum() / 2.0)
+    M = arm.mass_matrix(arm.neutral)[0, 0]
+    predicted = 0.23 * (1.0 + 2.0 + 1.0 / 3.0) * M * hardware.count(arm)[0] * (3.0 * omega) ** 3
+    assert 0.3 < seen / predicted < 3.0
+
+
+def test_ripple_adds_to_what_a_motion_needs() -> None:
+    arm = manipulator()
+    motion = rbi.trajectories.cosine(arm, amplitude=0.1, period=4.0)
+    smooth, rippling = (
+        variation_of_motion(arm, rbi.Hardware(ripple=r), motion, 4.0) for r in (0.0, 0.03)
+    )
+    assert rippling > 1.2 * smooth
+
+
+def proposed(hardware: rbi.Hardware, **more: Any) -> Any:
+    arm = manipulator().with_armature(0.1)
+    unknown = rbi.Uncertainty(inertia_scale=1.1, coulomb=1.0, viscous=0.5)
+    motion = rbi.trajectories.cosine(arm, amplitude=0.1, period=2.0)
+    settings: dict[str, Any] = {"duration": 2.0} | more
+    return rbi.propose_gains(arm, unknown, motion, 1e-3, hardware=hardware, **settings)
+
+
+def test_proposal_keeps_its_promise_on_a_plant_that_it_has_not_seen() -> None:
+    found = proposed(rbi.Hardware(**USUAL))
+    assert found.feasible
+    assert found.error.max() < 5e-3
+    arm = manipulator().with_armature(0.1).with_scaled_inertia(1.05).with_friction(0.2, 0.7)
+    result = rbi.simulate(
+        found.controller(),
+        arm,
+        rbi.trajectories.cosine(arm, amplitude=0.1, period=2.0),
+        hardware=found.hardware,
+        duration=2.0,
+    )
+    late = result.t >= 1.0
+    pairs = zip(result.q[late], result.q_r[late], strict=True)
+    error = np.max([np.abs(arm.difference(q, q_r)) for q, q_r in pairs])
+    assert error < 1.2 * found.error.max()
+    assert "rad/s" in found.explain()
+
+
+def test_perfect_hardware_gives_back_the_usual_proposal() -> None:
+    perfect, usual = proposed(rbi.Hardware()), proposed(None)
+    assert isinstance(perfect, rbi.GainProposal)
+    assert np.array_equal(perfect.k2, usual.k2)
+    assert np.array_equal(perfect.margin, usual.margin)
+
+
+def test_accuracy_beyond_the_hardware_is_refused_with_what_binds() -> None:
+    found = proposed(rbi.Hardware(**USUAL | {"encoder_bits": 16}), accuracy=1e-5)
+    assert not found.feasible
+    assert found.joint in found.arm.joint_names
+    assert "mrad" in found.reason
+    assert found.remedies
+    with pytest.raises(rbi.ParameterError, match="feasible"):
+        found.controller()
+
+
+def test_springs_without_a_torque_sensor_are_refused_in_words() -> None:
+    found = proposed(rbi.Hardware(**USUAL, joint_stiffness=1e4))
+    assert not found.feasible
+    assert "spring" in found.reason
+    assert any("torque sensor" in remedy for remedy in found.remedies)
+    assert "No controller" in found.explain()
