@@ -52,18 +52,11 @@ class HardwareRun(NamedTuple):
         sample: The plant.
         error: Largest true error abs(e1) late in the run, shape (nv,); infinite where it diverged [rad or m].
         variation: Of the torque over that time, over all joints [N·m/s or N/s].
-        needed: Variation that the motion itself needs [N·m/s or N/s].
     """
 
     sample: PlantSample
     error: Array
     variation: float
-    needed: float
-
-    @property
-    def is_loud(self) -> bool:
-        """Whether the torque varies by more than it may."""
-        return not self.variation <= LOUDEST * self.needed + _FLOOR
 
 
 @brief_repr("feasible", "reason", "hardware", "arm", "error", "variation")
@@ -108,8 +101,13 @@ class HardwareProposal:
 
     @property
     def variation(self) -> float:
-        """Largest torque variation of them, over what the motion needs."""
-        return max(run.variation / run.needed for run in self.runs)
+        """Largest torque variation of them, over what the motion needs of the heaviest plant."""
+        return max(run.variation for run in self.runs) / self.demand.need
+
+    @property
+    def is_loud(self) -> bool:
+        """Whether the torque of a sample varies by more than it may."""
+        return not self.variation <= LOUDEST + _FLOOR / self.demand.need
 
     def controller(
         self, impedance: Impedance | None = None, *, limits: Limits | ArrayLike | None = None
@@ -186,7 +184,7 @@ def propose_for_hardware(
     aim = _JUMP_TARGET * (accuracy or BEST)
     for _ in range(_ROUNDS):
         found = replace(found, runs=tuple(_runs(task, found, impedance, q0, on_tick)))
-        if not any(run.is_loud for run in found.runs):
+        if not found.is_loud:
             break
         aim *= 2.0  # a slower loop is quieter
         found = _designed(task, hardware, measured, aim / _JUMP_TARGET)
@@ -260,18 +258,17 @@ def _runs(
             controller = QuantizedEncoders.for_(hardware, controller)
         plant = DrivenPlant.for_(hardware, sample.plant, task.dt)
         ticks = max(round(task.duration / task.dt), 10)
-        needed = variation_of_motion(sample.plant, hardware, task.trajectory, task.duration)
         try:
             result = simulate(
                 controller, plant, task.trajectory, q0=q0, duration=ticks * task.dt, on_tick=on_tick
             )
         except DivergenceError:
-            yield HardwareRun(sample, np.full(task.arm.nv, np.inf), np.inf, needed)
+            yield HardwareRun(sample, np.full(task.arm.nv, np.inf), np.inf)
             continue
         late = result.t >= _LATE * ticks * task.dt
         error = np.abs(true_error(sample.plant, result)[late]).max(axis=0)
         variation = float(result.metrics(after=_LATE * ticks * task.dt)["tau_variation"].sum())
-        yield HardwareRun(sample, error, variation, needed)
+        yield HardwareRun(sample, error, variation)
 
 
 def _worst(task: DesignTask) -> list[PlantSample]:
@@ -287,7 +284,7 @@ def _judged(found: HardwareProposal, accuracy: float | None) -> HardwareProposal
     bound = found._words(joint)
     if not np.isfinite(error).all():
         reason, remedies = "the arm is lost in simulation", _shorter(found)
-    elif any(run.is_loud for run in found.runs):
+    elif found.is_loud:
         reason = (
             f"the torque varies by {found.variation:.2g} times what the motion needs, more than {LOUDEST:g}"
         )
