@@ -110,7 +110,9 @@ def test_differentiator_is_exact_where_the_acceleration_is_bounded() -> None:
     late = slice(2000, None)
     lag = np.abs(np.array(speeds)[late] - v[late]).max()
     assert lag < 5.0 * H  # the acceleration times a period
-    assert np.abs(np.diff(speeds)[late]).max() < 1.1 * 5.0 * H  # no chatter: the speed moves as the signal does
+    assert (
+        np.abs(np.diff(speeds)[late]).max() < 1.1 * 5.0 * H
+    )  # no chatter: the speed moves as the signal does
 
 
 def test_implicit_step_solves_its_own_equation() -> None:

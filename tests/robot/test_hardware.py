@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import rbimpedance as rbi
+from rbimpedance.simulation.plants.sticking import StickingPlant
 
 from ..arms import manipulator, spinner
 
@@ -38,6 +39,7 @@ def test_plant_and_encoders_are_made_from_it() -> None:
     plant = rbi.DrivenPlant.for_(hardware, arm, dt=2e-3)
     assert plant.time_constant == pytest.approx(2e-3)
     assert plant.dead_time == pytest.approx(4e-3)
+    assert isinstance(plant.links, StickingPlant)
     assert plant.links.stribeck == 0.3
     encoders = rbi.QuantizedEncoders.for_(hardware, rbi.ImpedanceController(manipulator()))
     assert encoders.resolution == pytest.approx(2.0 * np.pi / 2**18)
@@ -50,7 +52,7 @@ def test_named_entries_take_figures_of_ones_own() -> None:
     assert hardware.delay == 1
     assert hardware.torque_rate == 1000.0
     assert hardware.encoder_bits == 20
-    with pytest.raises(rbi.ParameterError, match="'fr3', 'panda'|'panda', 'fr3'"):
+    with pytest.raises(rbi.ParameterError, match="'panda', 'fr3'"):
         rbi.Hardware.of("toaster")
 
 

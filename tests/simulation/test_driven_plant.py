@@ -15,6 +15,7 @@ from rbimpedance.control.snapshot import fingerprint
 from rbimpedance.interaction.wrenches import Nothing
 from rbimpedance.simulation.checkpoint import Checkpoint
 from rbimpedance.simulation.plants import DrivenPlant, DrivenState, Plant, RigidPlant
+from rbimpedance.simulation.plants.sticking import StickingPlant
 
 from .. import laws
 from ..arms import follower, manipulator, pendulum, spinner
@@ -375,3 +376,32 @@ def test_something_that_is_no_plant_is_refused() -> None:
     links: Any = "ur5"
     with pytest.raises(rbi.ParameterError, match="links must be an ArmModel or a Plant"):
         DrivenPlant(links)
+
+
+@pytest.mark.parametrize("coulomb", [0.0, 0.3])
+def test_compiled_step_is_the_readable_one(coulomb: float) -> None:
+    arm = spinner().with_armature(0.1).with_friction(coulomb / 2.0, coulomb)
+    links = StickingPlant(arm, 0.3) if coulomb else arm
+    drives: dict[str, Any] = {"time_constant": 2e-3, "ripple": 0.1, "cogging": 0.2}
+    plant, h = DrivenPlant(links, dead_time=2e-3, **drives), 1e-3
+    rng = np.random.default_rng(0)
+    states = [plant.begin(arm.neutral, rng.normal(size=arm.nv), h)] * 2
+    for i in range(200):
+        tau = 3.0 * rng.normal(size=arm.nv)
+        arguments = tau, rbi.JointTorque(0.1 * np.ones(arm.nv)), i * h, h
+        states = [plant.step(states[0], *arguments), plant._plain_step(states[1], *arguments)]
+        for one, other in zip(states[0].links, states[1].links, strict=True):
+            assert one == pytest.approx(other, rel=1e-9, abs=1e-9)
+    assert states[0].torque == pytest.approx(states[1].torque, abs=1e-9)
+    assert np.array_equal(states[0].pending, states[1].pending)
+
+
+def test_dead_time_holds_a_torque_back_for_its_whole_steps() -> None:
+    arm, h = floating(), 1e-3
+    plant = DrivenPlant(arm, dead_time=3e-3)
+    states = steps(plant, plant.begin(arm.neutral, np.zeros(1), h), np.array([0.7]), h, 5)
+    v = np.array([state.links.v[0] for state in states])
+    assert v[:4] == pytest.approx(0.0, abs=1e-15)
+    assert np.diff(v)[3:] == pytest.approx(h * 0.7 / (M + B), rel=1e-9)
+    with pytest.raises(rbi.ParameterError, match="dead_time"):
+        plant.begin(arm.neutral, np.zeros(1), 2e-3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
@@ -17,7 +18,6 @@ from ..law.limits import Limits, as_limits
 from ..law.observed_law import commanded
 from ..robot.arm_model import ArmModel
 from ..robot.hardware import Hardware
-from ..trajectories import Reference
 from .baseline_law import Baseline, BaselineTorque, baseline_output
 from .default_gains import default_impedance
 from .errors import Tracking, track
@@ -25,7 +25,7 @@ from .estimation import Estimate, ExtendedStateObserver, FrictionLearner, NoiseG
 from .estimation.friction_learning import FrictionState
 from .hardware_forms import HardwareForm, hardware_form
 from .hardware_state import HardwareState
-from .protocol import checked_period
+from .protocol import Measured, checked_period
 from .telemetry import ControllerOutput, Situation
 
 OBSERVER_RATIO = 3.0
@@ -52,8 +52,8 @@ class Bandwidths(NamedTuple):
 
 @brief_repr("arm", "hardware", "dt", "impedance", "bandwidths", "limits")
 @dataclass(frozen=True, eq=False, init=False)
-class HardwareController(Baseline):
-    """Robust impedance control on estimated position, speed and disturbance, for encoders that count and torque that lags.
+class HardwareController(Baseline[HardwareState]):
+    """Robust impedance control on estimated speed and disturbance, for encoders that count and torque that lags.
 
     An `ImpedanceController` differentiates what the encoders count, and multiplies it by a high gain: on encoders of
     17 to 20 bits the torque is noise. Here an observer with model, delay and lag inside (`ExtendedStateObserver`) gives
@@ -64,7 +64,8 @@ class HardwareController(Baseline):
 
     with ω the bandwidth, u the super-twisting term (`reaching_term`), d the observer's disturbance, which takes the
     place of its integral, and the learned friction at the speed of the reference. A `NoiseGate` keeps ω low as long as
-    counting explains what the encoders show. The velocity that `step` is given is not used.
+    counting explains what the encoders show. The velocity that `step` is given is not used, and e1 and e2 of its output
+    are those that the law sees.
 
     Attributes:
         arm: The controller's model of the arm.
@@ -155,55 +156,21 @@ class HardwareController(Baseline):
         parts = self._filter_at_rest(), observer, self.gate.init(), self.learner.init()
         return HardwareState.pack(0, *parts, observer.torque)
 
-    def step(
-        self,
-        state: HardwareState,
-        q: ArrayLike,
-        v: ArrayLike,
-        reference: Reference,
-        tau_ext: ArrayLike,
-        period: float | None = None,
+    def _step(
+        self, state: HardwareState, given: Measured
     ) -> tuple[ControllerOutput, HardwareState]:
-        """Compute the torque of one tick; see `ImpedanceController.step`.
-
-        Args:
-            state: From `init` or from the tick before.
-            q: Measured configuration, shape (nq,).
-            v: Not used.
-            reference: Desired motion at this tick.
-            tau_ext: Measured torque of the environment on the robot, shape (nv,) [N·m or N].
-            period: Measured time since the tick before; dt if it is not given [s].
-
-        Returns:
-            The output, with the errors that the law sees, and the state for the next tick.
-
-        Raises:
-            DimensionError: Wrong shape or kind.
-            NonFiniteError: An input holds NaN or infinity.
-            InputError: A period that `elapsed` refuses.
-        """
-        if period is not None:
-            state = self.elapsed(state, period)
         answer = None
         if self._form is not None:
-            try:
-                answer = self._form.step(state, q, v, reference, tau_ext)
-            except (TypeError, ValueError):  # not plain vectors
-                answer = None
-        return answer or self._numpy_step(state, q, v, reference, tau_ext)
+            with contextlib.suppress(TypeError, ValueError):  # not plain vectors
+                answer = self._form.step(state, given)
+        return answer or self._numpy_step(state, given)
 
     def _numpy_step(
-        self,
-        state: HardwareState,
-        q: ArrayLike,
-        v: ArrayLike,
-        reference: Reference,
-        tau_ext: ArrayLike,
+        self, state: HardwareState, given: Measured
     ) -> tuple[ControllerOutput, HardwareState]:
         """The readable form of the tick, which specifies the compiled one."""
-        given: dict[str, ArrayLike] = {"q": q, "v": v, "tau_ext": tau_ext}
         q_e, v_e = state.filter.q_e, state.filter.v_e
-        tick = track(self.arm, self._filter, q_e, v_e, reference=reference, **given)
+        tick = track(self.arm, self._filter, q_e, v_e, given)
         state = state if state.ticks else self._started(state, tick.q)
         innovation = self.observer.innovation(state.observer, tick.q)
         gate = self.gate.step(state.gate, innovation)
@@ -219,16 +186,7 @@ class HardwareController(Baseline):
             state.ticks + 1, after, expected, gate, learned, output.tau
         )
 
-    def elapsed(self, state: HardwareState, period: float) -> HardwareState:
-        """Return the state at a tick that comes a measured time after the one before; see `ImpedanceController`.
-
-        Args:
-            state: From the tick before.
-            period: Time since then [s]; see `ImpedanceController.elapsed`.
-
-        Raises:
-            InputError: A period that is refused there.
-        """
+    def _elapsed(self, state: HardwareState, period: float) -> HardwareState:
         period = checked_period(period, self.dt)
         expected = state.observer
         q = self.arm.raw_dynamics.integrate(expected.q, (period - self.dt) * expected.v)

@@ -10,9 +10,9 @@ import numpy as np
 from .._common.arrays import Array
 from .._numba import warn_once
 from ..exceptions import UnsupportedJointError
-from ..trajectories import Reference
 from .backends import is_available
 from .hardware_state import HardwareState
+from .protocol import Measured
 from .telemetry import ControllerOutput, flags
 
 
@@ -26,7 +26,7 @@ class HardwareForm(Protocol):
     tables: Any
 
     def step(
-        self, state: HardwareState, q: Any, v: Any, reference: Reference, tau_ext: Any
+        self, state: HardwareState, given: Measured
     ) -> tuple[ControllerOutput, HardwareState] | None:
         """Return output and next state; None where the readable form is to be asked."""
 
@@ -65,7 +65,7 @@ class _CompiledForm:
         self._free: list[Any] = []
 
     def step(
-        self, state: HardwareState, q: Any, v: Any, reference: Reference, tau_ext: Any
+        self, state: HardwareState, given: Measured
     ) -> tuple[ControllerOutput, HardwareState] | None:
         """See `HardwareForm.step`."""
         from .compiled.hardware_tick import SENT  # noqa: PLC0415
@@ -76,7 +76,7 @@ class _CompiledForm:
         out, q_r = np.empty((9, nv)), np.empty(nq)
         words = self._words()
         try:
-            ending = self._kernel(words, ticks, q, v, reference, tau_ext, *own, out, q_r)
+            ending = self._kernel(words, ticks, *given, *own, out, q_r)
         finally:
             self._free.append(words)
         if ending != SENT:

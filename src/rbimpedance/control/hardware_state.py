@@ -40,7 +40,7 @@ class HardwareState(NamedTuple):
     def pack(
         cls,
         ticks: int,
-        filter: BaselineState,  # noqa: A002 (as in the state's own names)
+        filter: BaselineState,
         observer: ObserverState,
         gate: GateState,
         friction: FrictionState,
@@ -68,7 +68,8 @@ class HardwareState(NamedTuple):
     @property
     def observer(self) -> ObserverState:
         """What is expected at the tick to come."""
-        return ObserverState(self.q, *self.rows[V : TORQUE + 1], self.pending)
+        v, disturbance, torque = self.rows[V : TORQUE + 1]
+        return ObserverState(self.q, v, disturbance, torque, self.pending)
 
     @property
     def gate(self) -> GateState:
@@ -87,7 +88,8 @@ class HardwareState(NamedTuple):
     @property
     def tau(self) -> Array:
         """Torque of the tick before, shape (nv,) [N·m or N]."""
-        return self.rows[TAU]
+        tau: Array = self.rows[TAU]
+        return tau
 
     def but(self, **parts: Any) -> HardwareState:
         """Return a copy with other parts, by the names of `pack`."""

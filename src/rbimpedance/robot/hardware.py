@@ -59,7 +59,7 @@ class Hardware:
     torque_bandwidth: float
     torque_rate: Array
 
-    def __init__(  # noqa: PLR0913 (one for each line of a data sheet)
+    def __init__(
         self,
         *,
         encoder_bits: ArrayLike | None = None,

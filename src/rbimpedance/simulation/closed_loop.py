@@ -23,15 +23,13 @@ from .checkpoint import Checkpoint, RunState
 from .forces import Forces
 from .joint_stops import JointStops
 from .plants import Plant, RigidPlant
+from .plants.compiled_drives import SPEED_BOUND as SPEED_BOUND  # noqa: PLC0414 (part of this module's interface)
 from .plants.integrators import Integrator
 from .result import SimulationResult
 from .sampling import tick_times
 from .tool_log import empty_tool_channels, tool_log, write_tool
 from .tool_view import ToolTick, ToolView
 from .violations import limits_of
-
-SPEED_BOUND = 1e4
-"""A joint faster than this has diverged [rad/s or m/s]."""
 
 STIFF_FRICTION = 0.5
 """Share of a joint's speed that friction takes in a step, from which semi-implicit Euler takes it at the step's end."""

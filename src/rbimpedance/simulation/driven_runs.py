@@ -6,16 +6,16 @@ from typing import Any
 
 import numpy as np
 
+from .._common.arrays import Array
 from ..control.encoders import QuantizedEncoders
 from ..control.hardware_controller import HardwareController
 from ..exceptions import UnsupportedJointError
 from ..interaction import Perfect
-from ..law.lag import lag_of
 from ..trajectories import Reference
 from .checkpoint import Checkpoint
-from .closed_loop import SPEED_BOUND, ClosedLoop, OnTick, empty_channels
+from .closed_loop import ClosedLoop, OnTick, empty_channels
 from .plants import DrivenPlant
-from .plants.sticking import StickingPlant
+from .plants.compiled_drives import can_compile, drive_tables
 from .result import SimulationResult
 from .sampling import sample, tick_times
 
@@ -53,11 +53,8 @@ def _has_form(loop: ClosedLoop) -> bool:
         return False
     from .compiled.environment import can_sample  # noqa: PLC0415 (Numba is loaded when needed)
 
-    sticks = isinstance(engine.links, StickingPlant)
-    plain = sticks or not (engine.arm.viscous.any() or engine.arm.coulomb.any())
-    is_rigid = not engine.elastic.any()
     watched = loop.stops is not None or type(loop.sensor) is not Perfect
-    return plain and is_rigid and not watched and can_sample(loop.environment)
+    return can_compile(engine) and not watched and can_sample(loop.environment)
 
 
 def _law(controller: Any) -> HardwareController | None:
@@ -75,10 +72,12 @@ class _DrivenRun:
         from .compiled.environment import EnvironmentTables  # noqa: PLC0415
 
         law, engine = _law(loop.controller), loop.engine
-        assert law is not None  # noqa: S101
-        assert isinstance(engine, DrivenPlant)  # noqa: S101
+        assert law is not None
+        assert isinstance(engine, DrivenPlant)
         nq, nv = loop.plant.nq, loop.plant.nv
-        loop.environment.torque(loop.plant, 0.0, loop.q, loop.v)  # refuses what does not fit the arm
+        loop.environment.torque(
+            loop.plant, 0.0, loop.q, loop.v
+        )  # refuses what does not fit the arm
         self.loop, self.law = loop, law
         self.surroundings = EnvironmentTables(loop.environment, loop.plant)
         self.channels = empty_channels(loop.ticks + 1, nq, nv)
@@ -91,7 +90,10 @@ class _DrivenRun:
         )
         form: Any = law._form
         log = driven.DrivenLog(*(self.channels[name] for name in driven.DrivenLog._fields))
-        self.fixed = form.tables, _drive_tables(loop, engine, law)
+        encoders = loop.controller
+        count = encoders.resolution if isinstance(encoders, QuantizedEncoders) else None
+        plant = drive_tables(engine, loop.h, count, _target(law))
+        self.fixed = form.tables, plant
         self.rest = (
             *(tick.tick_space(nq, nv), driven.drive_space(nq, nv), tick.tick_output(nq, nv)),
             log,
@@ -105,6 +107,7 @@ class _DrivenRun:
             InputError: The reference or the environment is not what a controller takes.
         """
         from .compiled import driven  # noqa: PLC0415 (Numba is loaded when needed)
+        from .compiled.loop import ReferenceSamples  # noqa: PLC0415
 
         loop, dt = self.loop, self.loop.controller.dt
         times = tick_times(block, dt)
@@ -116,7 +119,7 @@ class _DrivenRun:
             np.zeros(2, dtype=np.int64),
         )
         arguments = (
-            *self.fixed, environment, driven.DrivenWish(*reference), self.memory, self.moving,
+            *self.fixed, environment, ReferenceSamples(*reference), self.memory, self.moving,
             *self.rest, clock,
         )  # fmt: skip
         ending = driven.driven_kernel(arguments)(*arguments)
@@ -133,25 +136,9 @@ def _rows(reference: Reference, rows: int) -> Reference:
     )
 
 
-def _drive_tables(loop: ClosedLoop, engine: DrivenPlant, law: HardwareController) -> Any:
-    from ..robot.compiled.dynamics import CompiledDynamics  # noqa: PLC0415 (Numba is loaded when needed)
-    from .compiled.driven import DriveTables  # noqa: PLC0415
-
-    arm, nv, links = engine.arm, engine.arm.nv, engine.links
-    encoders = loop.controller
-    count = (
-        encoders.resolution.copy() if isinstance(encoders, QuantizedEncoders) else np.zeros(nv)
-    )
-    joints = np.array(
-        [
-            *lag_of(engine.time_constant, loop.h),
-            *(engine.ripple, engine.cogging, engine.ripple_periods, arm.coulomb, arm.viscous),
-        ]
-    )
+def _target(law: HardwareController) -> Array:
+    """Diagonals of M_d, D_d and K_d, shape (3, nv)."""
+    nv = law.arm.nv
     rest, unit, zero = np.zeros(nv), np.ones(nv), np.zeros(nv)
     errors = ((zero, zero, unit), (zero, unit, zero), (unit, zero, zero))
-    target = np.array([law._filter.error(*each, rest, rest) for each in errors])
-    rise = links.stribeck if isinstance(links, StickingPlant) else 0.0
-    free = CompiledDynamics(arm.with_friction(0.0, 0.0)).tables
-    numbers = np.array([loop.h, rise, SPEED_BOUND])
-    return DriveTables(free, joints, np.array(arm.neutral), count, target, numbers)
+    return np.array([law._filter.error(*each, rest, rest) for each in errors])

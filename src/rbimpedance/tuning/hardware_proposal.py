@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -97,7 +97,8 @@ class HardwareProposal:
     @property
     def error(self) -> Array:
         """Largest error abs(e1) of the simulated worst samples, late in the run [rad or m]."""
-        return np.max([run.error for run in self.runs], axis=0)
+        error: Array = np.max([run.error for run in self.runs], axis=0)
+        return error
 
     @property
     def variation(self) -> float:
@@ -253,7 +254,7 @@ def _runs(
     law = _controller(proposal, impedance, task.limits)
     hardware = proposal.hardware
     for sample in _worst(task):
-        controller: Controller[object] = sample.wrap(law, noisy=False)
+        controller: Controller[Any] = sample.wrap(law, noisy=False)
         if hardware.encoder_bits is not None:
             controller = QuantizedEncoders.for_(hardware, controller)
         plant = DrivenPlant.for_(hardware, sample.plant, task.dt)
@@ -285,9 +286,7 @@ def _judged(found: HardwareProposal, accuracy: float | None) -> HardwareProposal
     if not np.isfinite(error).all():
         reason, remedies = "the arm is lost in simulation", _shorter(found)
     elif found.is_loud:
-        reason = (
-            f"the torque varies by {found.variation:.2g} times what the motion needs, more than {LOUDEST:g}"
-        )
+        reason = f"the torque varies by {found.variation:.2g} times what the motion needs, more than {LOUDEST:g}"
         remedies = ("finer encoders: a bit more lowers the noise to half", *_shorter(found))
     elif accuracy is not None and error[joint] > accuracy:
         reason = (

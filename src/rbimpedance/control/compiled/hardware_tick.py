@@ -119,9 +119,8 @@ class HardwareWords(NamedTuple):
 
 def tick_space(nq: int, nv: int) -> TickSpace:
     """Return work space for arms of this size."""
-    return TickSpace(
-        workspace(nv), *np.zeros((2, nv, nv)), np.zeros((8, nv)), np.zeros(nq)
-    )
+    M, factor = np.zeros((2, nv, nv))
+    return TickSpace(workspace(nv), M, factor, np.zeros((8, nv)), np.zeros(nq))
 
 
 def tick_output(nq: int, nv: int) -> TickOutput:
@@ -401,9 +400,7 @@ def _move(
 @inline
 def _friction(rows: Array, j: int, v_r: float) -> float:
     dry, viscous = rows[PARAMETERS, j], rows[PARAMETERS + 1, j]
-    torque: float = friction_torque(
-        dry, viscous, rows[PARAMETERS + 2, j], v_r, REFERENCE_SMOOTHING
-    )
+    torque: float = friction_torque(dry, viscous, rows[PARAMETERS + 2, j], v_r, REFERENCE_SMOOTHING)
     return torque
 
 

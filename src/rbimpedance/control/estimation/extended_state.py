@@ -213,5 +213,6 @@ class ExtendedStateObserver:
         """Configuration, velocity and motor torque a period on, while tau is what the motors are to give."""
         mean, L = lagged(L, tau, *self._lag)
         total = mean + torque + estimate.state.disturbance - estimate.bias
-        step, v = moved(v, np.linalg.solve(estimate.M, total), self.dt)
+        a: Array = np.linalg.solve(estimate.M, total)
+        step, v = moved(v, a, self.dt)
         return self.arm.raw_dynamics.integrate(q, step), v, L

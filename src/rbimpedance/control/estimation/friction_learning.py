@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -29,8 +29,7 @@ LARGEST_VARIANCE = 50.0
 MEMORY = 3.3
 """Time after which a measurement counts e times less [s]."""
 
-Triple: TypeAlias = tuple[Array, Array, Array]
-Sextuple: TypeAlias = tuple[Array, Array, Array, Array, Array, Array]
+Numbers: TypeAlias = tuple[Array, ...]
 
 # --- formulas, for all joints at once or for one ------------------------------------------------------------------
 
@@ -49,15 +48,15 @@ def friction_torque(dry: Array, viscous: Array, constant: Array, v: Array, width
 
 
 def learned(
-    parameters: Triple,
-    covariance: Sextuple,
-    regressors: Sextuple,
+    parameters: Numbers,
+    covariance: Numbers,
+    regressors: Numbers,
     v: Array,
     disturbance: Array,
     bandwidth: Array,
     h: float,
     forgetting: float,
-) -> tuple[Triple, Sextuple, Sextuple]:
+) -> tuple[Numbers, Numbers, Numbers]:
     """Return parameters, covariance and regressors after a step of the recursive least squares.
 
     With x the regressors (tanh(v/width), v, 1) behind two low-passes that start from zero, and y = P·x,
@@ -173,7 +172,8 @@ class FrictionLearner:
             state: What has been learned.
             v: Speed of the reference, shape (nv,) [rad/s or m/s].
         """
-        return friction_torque(*state.parameters, v, REFERENCE_SMOOTHING)
+        dry, viscous, constant = state.parameters
+        return friction_torque(dry, viscous, constant, v, REFERENCE_SMOOTHING)
 
     def step(
         self, state: FrictionState, v: Array, disturbance: Array, bandwidth: Array
@@ -186,6 +186,6 @@ class FrictionLearner:
             disturbance: Estimated torque that model and learned friction miss, shape (nv,) [N·m or N].
             bandwidth: Of the observer, shape (nv,) [rad/s].
         """
-        parts: Any = tuple(map(tuple, state))
-        after = learned(*parts, v, disturbance, bandwidth, self.dt, self.forgetting)
+        theta, P, x = (tuple(rows) for rows in state)
+        after = learned(theta, P, x, v, disturbance, bandwidth, self.dt, self.forgetting)
         return FrictionState(*map(np.stack, after))

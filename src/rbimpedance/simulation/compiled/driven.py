@@ -1,15 +1,22 @@
-"""A `HardwareController` behind encoders on an arm behind drives, as one compiled loop; `closed_loop.run` specifies it."""
+"""An arm behind drives in compiled code: its steps, and the whole loop with a `HardwareController` behind encoders.
+
+`DrivenPlant` and `closed_loop.run` specify what they compute.
+"""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 
 from ..._common.arrays import Array
 from ..._numba.compile import inline, kernel, routine
+from ..._numba.layouts.tables import Held
+from ..._numba.layouts.tables import opened as opened_words
 from ..._numba.single_source import compiled
 from ...control.compiled.hardware_tick import (
     OUT_A_R,
@@ -33,11 +40,12 @@ from ...control.compiled.hardware_tick import (
 from ...control.compiled.law import TickInputs
 from ...control.compiled.tick import is_sound
 from ...robot.compiled import rigid_body
+from ...robot.compiled.dynamics import ARM, OWN_MATRIX, OWN_VECTOR, SPACE, VECTOR_IN
 from ...robot.compiled.rigid_body import place_joints
 from ...robot.compiled.tables import ArmTables, Workspace, workspace
 from ..plants import sticking
 from .environment import Environment, environment_torque
-from .loop import own_type, runaway
+from .loop import ReferenceSamples, own_type, runaway
 
 rub = compiled(sticking.rub)
 sliding_friction = compiled(sticking.sliding_friction)
@@ -53,7 +61,7 @@ FIRST, END, LAST, SUBSTEPS = range(4)
 TICK, JOINT = range(2)
 
 FINISHED, REFUSED, DIVERGED = 0, 1, 2
-"""How a block of ticks ended: at its end, at a tick that the compiled form refuses, at a joint that left every range."""
+"""How a block of ticks ended: at its end, at a tick that the tick refuses, at a joint that left every range."""
 
 _BIAS, _ZERO, _DRY, _VISCOUS, _P, _TORQUE, _V, _A = range(8)
 
@@ -65,7 +73,7 @@ class DriveTables(NamedTuple):
         arm: The links, with the rotors as armature.
         joints: What there is of every joint, shape (7, nv).
         neutral: Configuration from which ripple and counts go, shape (nq,).
-        count: Of the encoders, 0 where they are exact, shape (nv,).
+        resolution: A count of the encoders, 0 where they are exact, shape (nv,).
         target: Diagonals of M_d, D_d and K_d, shape (3, nv).
         numbers: Physics step, rise of friction at rest, speed at which a joint has diverged, shape (3,).
     """
@@ -73,7 +81,7 @@ class DriveTables(NamedTuple):
     arm: ArmTables
     joints: Array
     neutral: Array
-    count: Array
+    resolution: Array
     target: Array
     numbers: Array
 
@@ -106,14 +114,6 @@ class DriveSpace(NamedTuple):
     tau_ext: Array
 
 
-class DrivenWish(NamedTuple):
-    """The trajectory, one row for each tick of the block."""
-
-    q: Array
-    v: Array
-    a: Array
-
-
 class DrivenLog(NamedTuple):
     """Channels of `SimulationResult`."""
 
@@ -137,10 +137,39 @@ class DrivenClock(NamedTuple):
 
 def drive_space(nq: int, nv: int) -> DriveSpace:
     """Return work space for arms of this size."""
-    matrices = np.zeros((3, nv, nv))
-    return DriveSpace(
-        workspace(nv), *matrices, np.zeros((8, nv)), np.zeros(nq), np.zeros(nv)
-    )
+    matrices: Any = np.zeros((3, nv, nv))
+    return DriveSpace(workspace(nv), *matrices, np.zeros((8, nv)), np.zeros(nq), np.zeros(nv))
+
+
+class DriveWords(NamedTuple):
+    """What a step from outside reads and writes besides its arguments."""
+
+    plant: DriveTables
+    space: DriveSpace
+
+
+_PLANT = types.NamedTuple((ARM, OWN_MATRIX, *[OWN_VECTOR] * 2, OWN_MATRIX, OWN_VECTOR), DriveTables)
+_SPACE = types.NamedTuple((SPACE, *[OWN_MATRIX] * 4, OWN_VECTOR, OWN_VECTOR), DriveSpace)
+_WORDS = Held(types.NamedTuple((_PLANT, _SPACE), DriveWords))
+
+
+@functools.cache
+def step_kernel() -> Callable[..., Any]:
+    """Compile a step of the plant, or load it from the disk."""
+    moving = (*[OWN_VECTOR] * 3, OWN_MATRIX)
+    return kernel(_step_entry, (_WORDS, VECTOR_IN, VECTOR_IN, *moving))
+
+
+def _step_entry(
+    words: Any, tau: Array, tau_ext: Array, q: Array, v: Array, torque: Array, pending: Array
+) -> int:
+    plant, space = opened_words(words)
+    moving = DriveMemory(q, v, torque, pending)
+    for j in range(len(v)):
+        space.tau_ext[j] = tau_ext[j]
+    place_joints(plant.arm, space.recursions, q)
+    _step(plant, space, tau, moving)
+    return 0
 
 
 _KERNEL: list[Callable[..., Any]] = []
@@ -161,7 +190,7 @@ def _run(
     controlled: HardwareTables,
     plant: DriveTables,
     environment: Environment,
-    wish: DrivenWish,
+    wish: ReferenceSamples,
     memory: TickMemory,
     moving: DriveMemory,
     desk: TickSpace,
@@ -197,7 +226,7 @@ def _run(
 def _tick(
     controlled: HardwareTables,
     plant: DriveTables,
-    wish: DrivenWish,
+    wish: ReferenceSamples,
     memory: TickMemory,
     moving: DriveMemory,
     desk: TickSpace,
@@ -208,7 +237,7 @@ def _tick(
 ) -> int:
     """A tick on what the encoders count."""
     for j in range(len(moving.v)):
-        count, turned = plant.count[j], difference(plant.arm, j, plant.neutral, moving.q)
+        count, turned = plant.resolution[j], difference(plant.arm, j, plant.neutral, moving.q)
         if count > 0.0:
             turned = round(turned / count) * count
         add_step(plant.arm, j, plant.neutral, turned, space.q)
@@ -233,9 +262,7 @@ def _dynamics(plant: DriveTables, space: DriveSpace, moving: DriveMemory) -> Non
     for j in range(len(moving.v)):
         rows[_ZERO, j] = 0.0
     rigid_body.mass_matrix(plant.arm, space.recursions, space.M)
-    rigid_body.inverse_dynamics(
-        plant.arm, space.recursions, moving.v, rows[_ZERO], rows[_BIAS]
-    )
+    rigid_body.inverse_dynamics(plant.arm, space.recursions, moving.v, rows[_ZERO], rows[_BIAS])
     factorize(space.M, space.factor)
 
 
@@ -257,9 +284,7 @@ def _step(plant: DriveTables, space: DriveSpace, tau: Array, moving: DriveMemory
     _dynamics(plant, space, moving)
     for j in range(n):
         sent = pending[0, j] if len(pending) else tau[j]
-        mean, moving.torque[j] = lagged(
-            moving.torque[j], sent, joints[DECAY, j], joints[MEAN, j]
-        )
+        mean, moving.torque[j] = lagged(moving.torque[j], sent, joints[DECAY, j], joints[MEAN, j])
         rows[_A, j] = _rippled(plant, j, moving.q, mean) + space.tau_ext[j] - rows[_BIAS, j]
         rows[_DRY, j], rows[_VISCOUS, j] = h * joints[COULOMB, j], h * joints[VISCOUS, j]
         for i in range(len(pending)):
@@ -310,9 +335,7 @@ def _write(
         now = moving.torque[j] if joints[DECAY, j] > 0.0 else sent
         v = moving.v[j]
         slides = sliding_friction(joints[COULOMB, j], joints[VISCOUS, j], v)
-        rows[_A, j] = (
-            _rippled(plant, j, moving.q, now) + space.tau_ext[j] - rows[_BIAS, j] - slides
-        )
+        rows[_A, j] = _rippled(plant, j, moving.q, now) + space.tau_ext[j] - rows[_BIAS, j] - slides
     solve(space.factor, rows[_A])
     for j in range(len(moving.v)):
         log.v[k, j], log.tau[k, j] = moving.v[j], o[OUT_TAU, j]

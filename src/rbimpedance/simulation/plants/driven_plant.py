@@ -17,10 +17,12 @@ from ...law.lag import lag_of, lagged
 from ...robot.arm_model import ArmModel
 from ...robot.hardware import EncoderSide as EncoderSide  # noqa: PLC0414 (part of this module's interface)
 from ...robot.hardware import Hardware
+from .compiled_drives import compiled_step
 from .elasticity import check_step, refuse_at, stiffness_of_joints, usual_damping, whole
 from .protocol import Motion, Plant
 from .rigid import RigidPlant
 from .sticking import StickingPlant
+
 
 class DrivenState(NamedTuple):
     """How links and rotors move, and what the motors give; arrays have shape (nv,).
@@ -144,7 +146,7 @@ class DrivenPlant:
 
         Args:
             hardware: The description.
-            arm: The links, with their friction, which sticks, and the rotors as armature where the description has none.
+            arm: The links, with friction, which sticks, and the rotors as armature where the description has none.
             dt: Control period, in which the delay is given [s].
 
         Raises:
@@ -217,6 +219,19 @@ class DrivenPlant:
         self, state: DrivenState, tau: Array, environment: Interaction, t: float, h: float
     ) -> DrivenState:
         """Return the state after one step: forces of its beginning, then velocities, then positions."""
+        compiled = compiled_step(self, h)
+        if compiled is not None:
+            now, tau_ext = state.links, self.external_torque(state, environment, t)
+            q, v, torque, pending = compiled(
+                tau, tau_ext, now.q, now.v, state.torque, state.pending
+            )
+            return DrivenState(Motion(q, v), torque, pending, state.delta, v)
+        return self._plain_step(state, tau, environment, t, h)
+
+    def _plain_step(
+        self, state: DrivenState, tau: Array, environment: Interaction, t: float, h: float
+    ) -> DrivenState:
+        """The readable form of a step, which specifies the compiled one."""
         with np.errstate(over="ignore", invalid="ignore"):
             pending = np.concatenate([state.pending, tau[None]])
             mean, torque = lagged(state.torque, pending[0], *lag_of(self.time_constant, h))

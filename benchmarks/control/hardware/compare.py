@@ -1,0 +1,239 @@
+"""What each law makes of usual hardware: python -m benchmarks.control.hardware.compare [--arms panda ...] [--quick]
+
+Writes docs/figures/hardware_laws.json, and the tables about it in docs/hardware-limits.md. Every linear law is tuned
+per arm and encoder over a grid of twelve settings for the least error at no more than twice the torque variation of
+perfect sensing; ours is what `propose_gains` proposes. `--only` measures some parts, `--quick` every fourth setting.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import numpy as np
+
+import rbimpedance as rbi
+from benchmarks import pages
+from benchmarks.arms import ARMS, load
+from benchmarks.progress import bar
+
+from . import compare_page
+from .linear_laws import DT, GRIDS, TARGET
+
+LENGTH, LATE = 6.0, 2.0  # s
+AMPLITUDE, PERIOD = 0.2, 6.0  # rad, s
+ROTOR = 0.1  # kg·m²
+COULOMB, VISCOUS = 2.0, 1.0
+PUSH = rbi.interaction.Push([0.0, 10.0, 0.0, 0.0, 0.0, 0.0], start=0.5, duration=1.0)
+CAP = 2.0  # times the torque variation of perfect sensing
+BITS = (17, 19, 24)
+USUAL = {"torque_lag": 2e-3, "delay": 1, "ripple": 0.03, "stribeck": 0.2}
+
+RANGES: dict[str, dict[str, Any]] = {
+    "lag 1 ms": {"torque_lag": 1e-3},
+    "lag 3 ms, 2 ticks": {"torque_lag": 3e-3, "delay": 2},
+    "lag 5 ms, 4 ticks": {"torque_lag": 5e-3, "delay": 4},
+    "16 bits": {"encoder_bits": 16},
+    "18 bits": {"encoder_bits": 18},
+    "20 bits": {"encoder_bits": 20},
+    "22 bits": {"encoder_bits": 22},
+    "no ripple": {"ripple": 0.0},
+    "ripple 5 %": {"ripple": 0.05},
+    "no friction": {"coulomb": 0.0},
+    "friction 5 N·m": {"coulomb": 5.0},
+    "friction 10 N·m": {"coulomb": 10.0},
+}
+"""Changes of the usual hardware with 19 bits, one at a time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """An arm with its heaviest plant, half of whose payload its model holds.
+
+    Attributes:
+        name: Of the arm.
+        coulomb: Dry friction of the plant [N·m].
+    """
+
+    name: str
+    coulomb: float = COULOMB
+
+    def arm(self) -> rbi.ArmModel:
+        """The arm as it is modelled, without friction."""
+        return load(self.name, ROTOR).with_friction(0.0, 0.0)
+
+    def plant(self) -> rbi.ArmModel:
+        """Links 10 % heavier, the whole payload, friction."""
+        heavy = self.arm().with_scaled_inertia(1.1).with_payload(ARMS[self.name])
+        return heavy.with_friction(VISCOUS, self.coulomb)
+
+    def model(self) -> rbi.ArmModel:
+        """The arm with half of the payload."""
+        return self.arm().with_payload(ARMS[self.name] / 2.0)
+
+    def unknown(self) -> rbi.Uncertainty:
+        """What is not known."""
+        return rbi.Uncertainty(
+            payload=ARMS[self.name],
+            inertia_scale=1.1,
+            coulomb=(0.0, self.coulomb),
+            viscous=(0.0, VISCOUS),
+        )
+
+    def motion(self) -> Callable[[float], rbi.Reference]:
+        """All joints swing by 0.2 rad about neutral, where the arm starts."""
+        arm, omega = self.arm(), 2.0 * np.pi / PERIOD
+        one = AMPLITUDE * np.ones(arm.nv)
+
+        def swing(t: float) -> rbi.Reference:
+            c, s = np.cos(omega * t), np.sin(omega * t)
+            q = arm.raw_dynamics.integrate(arm.neutral, c * one)
+            return rbi.Reference(q, -omega * s * one, -(omega**2) * c * one)
+
+        return swing
+
+    def still(self) -> Callable[[float], rbi.Reference]:
+        """The arm stays at neutral."""
+        arm = self.arm()
+        held = rbi.Reference(np.array(arm.neutral), np.zeros(arm.nv), np.zeros(arm.nv))
+        return lambda _: held
+
+
+def run(
+    case: Case, controller: Any, hardware: rbi.Hardware, motion: Any, push: Any = PUSH
+) -> dict[str, Any]:
+    """Error from 2 s on [rad], and torque variation [N·m/s], of a run."""
+    plant = case.plant()
+    driven = rbi.DrivenPlant.for_(hardware, plant, DT)
+    try:
+        result = rbi.simulate(
+            controller,
+            driven,
+            motion,
+            environment=push,
+            q0=np.array(plant.neutral),
+            duration=LENGTH,
+        )
+    except rbi.DivergenceError:
+        return {"error": np.inf, "variation": np.inf}
+    late = result.t >= LATE
+    pairs = zip(result.q[late], result.q_r[late], strict=True)
+    error = np.array([plant.raw_dynamics.difference(q, q_r) for q, q_r in pairs])
+    steps = np.abs(np.diff(result.tau[late], axis=0)).sum()
+    return {"error": float(np.abs(error).max()), "variation": float(steps / (LENGTH - LATE))}
+
+
+def needed(case: Case, ripple: float) -> float:
+    """Torque variation of computed torque with an integral, with perfect sensing and torque, on the rippling arm."""
+    law = rbi.baselines.PIDImpedance(case.model(), TARGET, 150.0, DT)
+    return float(run(case, law, rbi.Hardware(ripple=ripple, stribeck=0.2), case.motion())["variation"])
+
+
+def ours(case: Case, hardware: rbi.Hardware) -> tuple[Any, rbi.HardwareProposal]:
+    """What is proposed, behind the encoders."""
+    proposal = rbi.propose_gains(
+        case.arm(),
+        case.unknown(),
+        case.motion(),
+        DT,
+        hardware=hardware,
+        duration=LENGTH,
+        q0=np.array(case.arm().neutral),
+    )
+    assert isinstance(proposal, rbi.HardwareProposal)
+    return rbi.QuantizedEncoders.for_(hardware, proposal.controller(TARGET)), proposal
+
+
+def laws(name: str, bits: int, need: float, stride: int, said: Callable[[], None]) -> dict[str, Any]:
+    """Every law on one arm with one encoder."""
+    case, hardware = Case(name), rbi.Hardware(encoder_bits=bits, **USUAL)
+    found: dict[str, Any] = {}
+    usual = rbi.QuantizedEncoders.for_(
+        hardware, rbi.propose_gains(case.arm(), case.unknown(), case.motion(), DT).controller(TARGET)
+    )
+    found["default, differences"] = run(case, usual, hardware, case.motion())
+    for label, grid in GRIDS.items():
+        runs = []
+        for candidate in grid[::stride]:
+            law = candidate.controller(case.model(), hardware)
+            runs.append(run(case, law, hardware, case.motion()) | {"words": candidate.words})
+            said()
+        quiet = [each for each in runs if each["variation"] <= CAP * need]
+        best = min(quiet or runs, key=lambda each: each["error" if quiet else "variation"])
+        found[label] = best | {"quiet": bool(quiet)}
+    controller, proposal = ours(case, hardware)
+    found["ours"] = run(case, controller, hardware, case.motion()) | {
+        "quiet_bandwidth": proposal.bandwidths.quiet,
+        "alert_bandwidth": proposal.bandwidths.alert,
+    }
+    still = [run(case, controller, hardware, case.still(), None)]
+    found["still"] = still[0]["variation"]
+    return found
+
+
+def ranges(name: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Ours over the range of usual hardware."""
+    for label, changes in RANGES.items():
+        case = Case(name, changes.get("coulomb", COULOMB))
+        more = {key: value for key, value in changes.items() if key != "coulomb"}
+        hardware = rbi.Hardware(**({"encoder_bits": 19, **USUAL} | more))
+        controller, _ = ours(case, hardware)
+        found = run(case, controller, hardware, case.motion())
+        yield label, found | {"need": needed(case, float(hardware.ripple))}
+
+
+def standing(name: str) -> dict[str, float]:
+    """Torque variation at rest with friction that rises by half, on encoders of 17 bits."""
+    case, hardware = Case(name), rbi.Hardware(**({"encoder_bits": 17, **USUAL} | {"stribeck": 0.5}))
+    controller, _ = ours(case, hardware)
+    return run(case, controller, hardware, case.still(), None)
+
+
+def one_arm(name: str, stride: int, parts: set[str], said: Callable[[], None]) -> dict[str, Any]:
+    """Everything of one arm."""
+    found: dict[str, Any] = {"need": needed(Case(name), USUAL["ripple"])}
+    if "laws" in parts:
+        found["laws"] = {str(b): laws(name, b, found["need"], stride, said) for b in BITS}
+    if "still" in parts:
+        found["standing"] = standing(name)
+    if "ranges" in parts:
+        found["ranges"] = dict(ranges(name))
+    return found
+
+
+def main() -> None:
+    """Measure, write, tabulate."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--arms", nargs="*", choices=ARMS, default=list(ARMS))
+    parser.add_argument("--quick", action="store_true", help="every fourth setting")
+    parser.add_argument("--only", nargs="*", default=["laws", "still", "ranges"])
+    parser.add_argument("--out", type=Path, default=pages.FIGURES)
+    parser.add_argument("--docs", type=Path, default=pages.DOCS, help="folder of the page")
+    parser.add_argument("--draw", action="store_true", help="only tabulate what is there")
+    asked = parser.parse_args()
+    logging.getLogger("rbimpedance").setLevel(logging.ERROR)
+    path = asked.out / "hardware_laws.json"
+    rows = json.loads(path.read_text("utf-8")) if path.exists() else {}
+    stride = 4 if asked.quick else 1
+    runs = len(BITS) * sum(len(grid[::stride]) for grid in GRIDS.values())
+    if not asked.draw:
+        with bar() as progress:
+            task = progress.add_task("runs", total=runs * len(asked.arms))
+            for name in asked.arms:
+                found = one_arm(name, stride, set(asked.only), lambda: progress.advance(task))
+                rows[name] = rows.get(name, {}) | pages.plain(found)
+                rows = {each: rows[each] for each in ARMS if each in rows}
+                path.write_text(json.dumps(rows, indent=1) + "\n", "utf-8")
+    pages.rewrite(asked.docs / "hardware-limits.md", compare_page.tables(rows))
+
+
+if __name__ == "__main__":
+    main()
