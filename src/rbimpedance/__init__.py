@@ -38,6 +38,7 @@ from .control.guards import SoftStart as SoftStart
 from .control.guards.reference_guard import ReferenceGuard as ReferenceGuard
 from .control.hardware_controller import HardwareController as HardwareController
 from .control.loop import Loop as Loop
+from .control.observed import ObservedController as ObservedController
 from .control.realtime import RealtimeController as RealtimeController
 from .control.sensorless import CompliantController as CompliantController
 from .control.sensorless import SensorlessController as SensorlessController

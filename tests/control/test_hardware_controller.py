@@ -46,6 +46,16 @@ def test_compiled_tick_is_the_readable_one(delay: int) -> None:
     assert states[0].friction.parameters.any()
 
 
+def test_realtime_tick_is_that_of_the_steps() -> None:
+    for backend in ("compiled", "numpy"):
+        law = controller(spinner(), HARDWARE.but(delay=2), backend=backend)
+        state, fast = law.init(), law.realtime()
+        for k in range(150):
+            output, state = law.step(state, *inputs(law.arm, k))
+            assert np.array_equal(fast.torque(*inputs(law.arm, k)), output.tau)
+        assert np.array_equal(fast.state.rows, state.rows)
+
+
 def test_tick_is_pure() -> None:
     law = controller(spinner())
     state = law.init()

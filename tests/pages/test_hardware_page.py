@@ -11,7 +11,7 @@ import pytest
 
 import rbimpedance as rbi
 from benchmarks.arms import ARMS
-from benchmarks.control.hardware import page
+from benchmarks.control.hardware import compare_page, page
 from benchmarks.control.hardware.linear import Linear
 from rbimpedance.control.default_gains import slope_at_zero
 from rbimpedance.law.input_gain import loop_matrix
@@ -20,6 +20,7 @@ from ..arms import pendulum
 
 ROOT = Path(__file__).parents[2]
 FIGURES = ROOT / "docs" / "figures" / "hardware.json"
+LAWS = ROOT / "docs" / "figures" / "hardware_laws.json"
 
 
 def test_tables_are_those_of_the_measured_figures() -> None:
@@ -27,6 +28,12 @@ def test_tables_are_those_of_the_measured_figures() -> None:
     rows = json.loads(FIGURES.read_text("utf-8"))["arms"]
     assert rows.keys() == ARMS.keys()
     for place, table in page.tables(rows).items():
+        assert f"<!-- {place} -->\n\n{table}\n\n<!-- end of {place} -->" in text, place
+
+
+def test_tables_of_laws_are_those_of_the_measured_figures() -> None:
+    text = (ROOT / "docs" / "hardware-limits.md").read_text("utf-8")
+    for place, table in compare_page.tables(json.loads(LAWS.read_text("utf-8"))).items():
         assert f"<!-- {place} -->\n\n{table}\n\n<!-- end of {place} -->" in text, place
 
 

@@ -1,4 +1,6 @@
-"""What each law makes of usual hardware: python -m benchmarks.control.hardware.compare [--arms panda ...] [--quick]
+"""What each law makes of usual hardware.
+
+    python -m benchmarks.control.hardware.compare [--arms panda ...] [--quick]
 
 Writes docs/figures/hardware_laws.json, and the tables about it in docs/hardware-limits.md. Every linear law is tuned
 per arm and encoder over a grid of twelve settings for the least error at no more than twice the torque variation of
@@ -134,7 +136,9 @@ def run(
 def needed(case: Case, ripple: float) -> float:
     """Torque variation of computed torque with an integral, with perfect sensing and torque, on the rippling arm."""
     law = rbi.baselines.PIDImpedance(case.model(), TARGET, 150.0, DT)
-    return float(run(case, law, rbi.Hardware(ripple=ripple, stribeck=0.2), case.motion())["variation"])
+    return float(
+        run(case, law, rbi.Hardware(ripple=ripple, stribeck=0.2), case.motion())["variation"]
+    )
 
 
 def ours(case: Case, hardware: rbi.Hardware) -> tuple[Any, rbi.HardwareProposal]:
@@ -152,12 +156,15 @@ def ours(case: Case, hardware: rbi.Hardware) -> tuple[Any, rbi.HardwareProposal]
     return rbi.QuantizedEncoders.for_(hardware, proposal.controller(TARGET)), proposal
 
 
-def laws(name: str, bits: int, need: float, stride: int, said: Callable[[], None]) -> dict[str, Any]:
+def laws(
+    name: str, bits: int, need: float, stride: int, said: Callable[[], None]
+) -> dict[str, Any]:
     """Every law on one arm with one encoder."""
     case, hardware = Case(name), rbi.Hardware(encoder_bits=bits, **USUAL)
     found: dict[str, Any] = {}
     usual = rbi.QuantizedEncoders.for_(
-        hardware, rbi.propose_gains(case.arm(), case.unknown(), case.motion(), DT).controller(TARGET)
+        hardware,
+        rbi.propose_gains(case.arm(), case.unknown(), case.motion(), DT).controller(TARGET),
     )
     found["default, differences"] = run(case, usual, hardware, case.motion())
     for label, grid in GRIDS.items():

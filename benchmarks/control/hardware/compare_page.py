@@ -33,9 +33,7 @@ def _laws(rows: Rows) -> str:
         for bits, found in row["laws"].items():
             quiet = [label for label in LABELS if _ratio(found[label], row) <= 2.1]
             best = min(quiet, key=lambda label: found[label]["error"])
-            cells = [
-                _bold(_cell(found[label], row["need"]), label == best) for label in LABELS
-            ]
+            cells = [_bold(_cell(found[label], row["need"]), label == best) for label in LABELS]
             lines.append((name, bits, *cells))
     return markdown(("arm", "bits", *LABELS), lines)
 

@@ -68,9 +68,7 @@ class ObserverPD(Baseline[ObserverPDState]):
 
     def init(self) -> ObserverPDState:
         """Return the state before the first tick."""
-        return ObserverPDState(
-            self._filter_at_rest(), self.observer.init(), np.zeros(self.arm.nv)
-        )
+        return ObserverPDState(self._filter_at_rest(), self.observer.init(), np.zeros(self.arm.nv))
 
     def _step(
         self, state: ObserverPDState, given: Measured
@@ -86,7 +84,9 @@ class ObserverPD(Baseline[ObserverPDState]):
         tau = tau - tick.tau_ext - missed
         answer = BaselineTorque(tau, np.zeros_like(u), u)
         output = baseline_output(tick, answer, state.filter.q_e, state.filter.v_e)
-        return output, ObserverPDState(self._filter_after(state.filter, tick.tau_ext), observer, tau)
+        return output, ObserverPDState(
+            self._filter_after(state.filter, tick.tau_ext), observer, tau
+        )
 
     def _elapsed(self, state: ObserverPDState, period: float) -> ObserverPDState:
         period = checked_period(period, self.dt)
@@ -129,9 +129,7 @@ def _integral() -> Iterator[Candidate]:
 
 
 def _disturbance() -> Iterator[Candidate]:
-    for omega, low, observer in (
-        *product((8.0, 12.0, 20.0), (40.0, 120.0), (8.0, 20.0)),
-    ):
+    for omega, low, observer in (*product((8.0, 12.0, 20.0), (40.0, 120.0), (8.0, 20.0)),):
         yield Candidate(
             f"ω = {omega:g}, low-pass {low:g}, observer {observer:g}",
             lambda arm, hw, w=omega, f=low, o=observer: _counted(ObserverPD(arm, w, o), hw, f),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
@@ -23,9 +22,10 @@ from .default_gains import default_impedance
 from .errors import Tracking, track
 from .estimation import Estimate, ExtendedStateObserver, FrictionLearner, NoiseGate
 from .estimation.friction_learning import FrictionState
-from .hardware_forms import HardwareForm, hardware_form
+from .hardware_forms import PlainForm, hardware_form
 from .hardware_state import HardwareState
 from .protocol import Measured, checked_period
+from .realtime import RealtimeController
 from .telemetry import ControllerOutput, Situation
 
 OBSERVER_RATIO = 3.0
@@ -93,7 +93,7 @@ class HardwareController(Baseline[HardwareState]):
     observer: ExtendedStateObserver
     gate: NoiseGate
     learner: FrictionLearner
-    _form: HardwareForm | None
+    _form: PlainForm
 
     def __init__(
         self,
@@ -135,7 +135,7 @@ class HardwareController(Baseline[HardwareState]):
         self._choose_form()
 
     def _choose_form(self) -> None:
-        form = hardware_form(self) if self.backend == "compiled" else None
+        form = hardware_form(self) if self.backend == "compiled" else PlainForm()
         set_fields(self, _form=form)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -159,11 +159,22 @@ class HardwareController(Baseline[HardwareState]):
     def _step(
         self, state: HardwareState, given: Measured
     ) -> tuple[ControllerOutput, HardwareState]:
-        answer = None
-        if self._form is not None:
-            with contextlib.suppress(TypeError, ValueError):  # not plain vectors
-                answer = self._form.step(state, given)
-        return answer or self._numpy_step(state, given)
+        answer: tuple[ControllerOutput, HardwareState] | None
+        try:
+            answer = self._form.step(state, given)
+        except (TypeError, ValueError):  # not plain vectors
+            answer = None
+        return self._numpy_step(state, given) if answer is None else answer
+
+    def realtime(self, state: HardwareState | None = None) -> RealtimeController:
+        """Return the tick for a real-time loop: torque only, in memory that is made once.
+
+        Args:
+            state: State to begin with; `init()` by default.
+        """
+        tick: Any = RealtimeController
+        realtime: RealtimeController = tick(self, self._form, state)
+        return realtime
 
     def _numpy_step(
         self, state: HardwareState, given: Measured

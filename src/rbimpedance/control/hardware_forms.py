@@ -1,9 +1,8 @@
-"""The compiled form of a `HardwareController`'s tick, where there is one."""
+"""The forms of a `HardwareController`'s tick: compiled, where that can be, and by the readable one."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -15,30 +14,46 @@ from .hardware_state import HardwareState
 from .protocol import Measured
 from .telemetry import ControllerOutput, flags
 
+OUT_ROWS = 9
+"""What a compiled tick puts out for every joint: tau, v_r, a_r, e1, e2, s, u, q_e, v_e."""
 
-class HardwareForm(Protocol):
-    """A form of the tick that may answer None.
+
+class PlainForm:
+    """No compiled tick: whoever asks is sent to the readable one.
 
     Attributes:
-        tables: The controller as tables.
+        tables: None.
     """
 
-    tables: Any
+    tables: Any = None
 
-    def step(
-        self, state: HardwareState, given: Measured
-    ) -> tuple[ControllerOutput, HardwareState] | None:
-        """Return output and next state; None where the readable form is to be asked."""
+    def step(self, state: HardwareState, given: Measured) -> Any:
+        """Return None: the readable tick is to be asked."""
+        del state, given
+
+    def memory(self, state: HardwareState) -> Any:
+        """Return a state in the form that the tick of `in_place` takes."""
+        return state
+
+    def state(self, memory: Any) -> HardwareState:
+        """Return the state that is in such a memory."""
+        state: HardwareState = memory
+        return state
+
+    def in_place(self, tau: Array) -> tuple[Any, Any]:
+        """Return the tick of a `RealtimeController`, and its own first argument."""
+        del tau
+        return lambda *_: None, None
 
 
-def hardware_form(controller: Any) -> HardwareForm | None:
-    """Return the compiled form of a controller; None where it has none, which is logged, once.
+def hardware_form(controller: Any) -> PlainForm:
+    """Return the compiled form of a controller; a plain one where it has none, which is logged, once.
 
     Args:
         controller: A `HardwareController`.
     """
     if not is_available("compiled"):
-        return None
+        return PlainForm()
     from ..robot.compiled.dynamics import CompiledDynamics  # noqa: PLC0415 (Numba is loaded when needed)
     from .compiled.hardware_tick import hardware_tables  # noqa: PLC0415
 
@@ -47,50 +62,78 @@ def hardware_form(controller: Any) -> HardwareForm | None:
         tables = hardware_tables(controller, CompiledDynamics(arm).tables)
     except UnsupportedJointError as error:
         warn_once(f"the dynamics of '{arm.name}' are left to Pinocchio and NumPy: {error}")
-        return None
+        return PlainForm()
     if tables is None:
         warn_once(f"no compiled form of {type(controller.impedance).__name__} between joints")
-        return None
-    return _CompiledForm(tables, arm.nq, arm.nv)
+        return PlainForm()
+    return CompiledForm(tables, arm.nq, arm.nv)
 
 
-class _CompiledForm:
-    """One kernel; threads may share it."""
+class CompiledForm(PlainForm):
+    """One kernel; threads may share it.
+
+    Attributes:
+        tables: The controller as tables.
+
+    Args:
+        tables: The same.
+        nq: Entries of a configuration.
+        nv: Joints.
+    """
 
     def __init__(self, tables: Any, nq: int, nv: int) -> None:
-        from .compiled.hardware_tick import hardware_kernel  # noqa: PLC0415 (Numba is loaded when needed)
+        from .compiled.hardware_tick import SENT, hardware_kernel  # noqa: PLC0415 (Numba is loaded when needed)
 
-        self.tables, self._sizes = tables, (nq, nv)
-        self._kernel: Callable[..., int] = hardware_kernel()
+        self.tables, self._nq, self._nv, self._sent = tables, nq, nv, SENT
+        self._kernel = hardware_kernel()
         self._free: list[Any] = []
 
-    def step(
-        self, state: HardwareState, given: Measured
-    ) -> tuple[ControllerOutput, HardwareState] | None:
-        """See `HardwareForm.step`."""
-        from .compiled.hardware_tick import SENT  # noqa: PLC0415
-
-        ticks, q_hat, rows, pending = state
-        own = q_hat.copy(), rows.copy(), pending.copy()
-        nq, nv = self._sizes
-        out, q_r = np.empty((9, nv)), np.empty(nq)
-        words = self._words()
+    def step(self, state: HardwareState, given: Measured) -> Any:
+        """Return output and next state; None where the readable tick is to be asked."""
+        ticks, *before = state
+        after = np.empty(self._nq), np.empty_like(state.rows), np.empty_like(state.pending)
+        out, q_r = np.empty((OUT_ROWS, self._nv)), np.empty(self._nq)
+        words = self._free.pop() if self._free else self._words()
         try:
-            ending = self._kernel(words, ticks, *given, *own, out, q_r)
+            ending = self._kernel(words, ticks, *given, *before, *after, out, q_r)
         finally:
             self._free.append(words)
-        if ending != SENT:
-            return None
-        return _output(out, q_r), HardwareState(ticks + 1, *own)
+        return (
+            (_output(out, q_r), HardwareState(ticks + 1, *after)) if ending == self._sent else None
+        )
+
+    def memory(self, state: HardwareState) -> Any:
+        """Return ticks, state, and a place for the next one; the tick of `in_place` goes back and forth."""
+        ticks, *before = state
+        before = [np.array(part) for part in before]
+        return [ticks, before, [part.copy() for part in before]]
+
+    def state(self, memory: Any) -> HardwareState:
+        """Return the state that is in such a memory."""
+        return HardwareState(memory[0], *(part.copy() for part in memory[1]))
+
+    def in_place(self, tau: Array) -> tuple[Any, Any]:
+        """Return a tick that writes its torque to tau and the next state to its memory."""
+        kernel, sent = self._kernel, self._sent
+        out, q_r = np.empty((OUT_ROWS, self._nv)), np.empty(self._nq)
+        torque = out[0]
+
+        def tick(words: Any, memory: Any, q: Any, v: Any, reference: Any, tau_ext: Any) -> Any:
+            ticks, before, after = memory
+            ending = kernel(words, ticks, q, v, reference, tau_ext, *before, *after, out, q_r)
+            if ending != sent:
+                return None
+            tau[:] = torque
+            memory[:] = ticks + 1, after, before
+            return True
+
+        return tick, self._words()
 
     def _words(self) -> Any:
-        try:
-            return self._free.pop()
-        except IndexError:
-            from .._numba.layouts.tables import hold  # noqa: PLC0415
-            from .compiled.hardware_tick import HardwareWords, tick_space  # noqa: PLC0415
+        from .._numba.layouts.tables import hold  # noqa: PLC0415 (Numba is loaded when needed)
+        from .compiled.hardware_tick import HardwareWords, tick_space  # noqa: PLC0415
 
-            return hold(HardwareWords(self.tables, tick_space(*self._sizes)))
+        return hold(HardwareWords(self.tables, tick_space(self._nq, self._nv)))
 
 
 def _output(out: Array, q_r: Array) -> ControllerOutput:

@@ -162,6 +162,15 @@ class Hardware:
         """
         return self.count(arm) / 2.0
 
+    def rotors(self, arm: ArmModel) -> Array:
+        """Return the rotors' inertia on the joints' side of the gears, shape (nv,) [kg·m² or kg].
+
+        Args:
+            arm: The arm, whose armature counts where the description has none.
+        """
+        own = arm.armature if self.rotor_inertia is None else self.rotor_inertia
+        return per_joint("rotor_inertia", np.asarray(own), arm.nv)
+
     def lag(self, arm: ArmModel) -> Array:
         """Return the time constant of the torque on the links, shape (nv,) [s].
 

@@ -49,7 +49,7 @@ def run_driven(
 
 def _has_form(loop: ClosedLoop) -> bool:
     law, engine = _law(loop.controller), loop.engine
-    if law is None or law._form is None or not isinstance(engine, DrivenPlant):
+    if law is None or law._form.tables is None or not isinstance(engine, DrivenPlant):
         return False
     from .compiled.environment import can_sample  # noqa: PLC0415 (Numba is loaded when needed)
 

@@ -13,11 +13,13 @@ from .._common.arrays import Array, positive_number, vector, whole_number
 from .._common.deprecation import renamed_arguments, warn_renamed
 from ..control.cartesian_base import CartesianControllerBase
 from ..control.controller import ImpedanceController
+from ..control.encoders import QuantizedEncoders
 from ..control.errors import check_reference
 from ..control.protocol import Backend, Controller
 from ..exceptions import ParameterError
 from ..interaction import EnvironmentLike, Perfect, Sensor, as_interaction
 from ..robot.arm_model import ArmModel
+from ..robot.hardware import Hardware
 from ..trajectories import Trajectory
 from ..trajectories.cartesian import CartesianTrajectory
 from .checkpoint import Checkpoint
@@ -25,7 +27,7 @@ from .closed_loop import ClosedLoop, OnTick, run
 from .compiled_runs import run_around_pinocchio, run_compiled
 from .driven_runs import run_driven
 from .joint_stops import JointStops
-from .plants import Plant
+from .plants import DrivenPlant, Plant
 from .plants.integrators import INTEGRATORS, Integrator
 from .result import SimulationResult
 from .tool_view import start_of, tool_view
@@ -71,6 +73,7 @@ def simulate(  # noqa: PLR0913 (what acts on a run, each given by name)
     substeps: int = 4,
     integrator: Integrator = "semi-implicit",
     joint_stops: bool | JointStops = False,
+    hardware: Hardware | None = None,
     on_tick: OnTick | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> SimulationResult:
@@ -106,6 +109,8 @@ def simulate(  # noqa: PLR0913 (what acts on a run, each given by name)
         joint_stops: Whether the joints have stops at the plant's position limits: stiff springs with dampers, see
             `JointStops`, or stops of one's own. Without them a joint swings through its limit; `result.verdict()` says
             so.
+        hardware: What stands between a tick and the links of an arm: it is put behind the drives of the description,
+            and the controller behind its encoders. None for nothing.
         on_tick: Called with (ticks done, ticks in all), for a progress bar: at every tick, or every few thousand
             physics steps of a compiled run.
         checkpoint: File in which the run stores its progress, and from which an interrupted run continues.
@@ -121,6 +126,8 @@ def simulate(  # noqa: PLR0913 (what acts on a run, each given by name)
         NonFiniteError: An input holds NaN or infinity.
         SnapshotError: The checkpoint is of another run, or damaged.
     """
+    if hardware is not None:
+        controller, plant = _on_hardware(controller, plant, hardware)
     loop = closed_loop(
         controller,
         plant,
@@ -139,6 +146,18 @@ def simulate(  # noqa: PLR0913 (what acts on a run, each given by name)
     ]
     result = run_fast(loop, on_tick, checkpoint)
     return run(loop, on_tick, checkpoint) if result is None else result
+
+
+def _on_hardware(
+    controller: Controller[Any], plant: ArmModel | Plant[Any], hardware: Hardware
+) -> tuple[Controller[Any], DrivenPlant]:
+    """The controller behind the encoders, and the arm behind the drives."""
+    if not isinstance(plant, ArmModel):
+        raise ParameterError("plant", plant, "an ArmModel where hardware is given")
+    driven = DrivenPlant.for_(hardware, plant, controller.dt)
+    if hardware.encoder_bits is None:
+        return controller, driven
+    return QuantizedEncoders.for_(hardware, controller), driven
 
 
 def _backend(loop: ClosedLoop) -> Backend:

@@ -20,6 +20,8 @@ from ..law.limits import Limits
 from ..robot.arm_model import ArmModel
 from ..robot.hardware import Hardware
 from ..simulation.plants import DrivenPlant
+from ..simulation.plants.elasticity import enough_substeps
+from ..simulation.plants.torque_loop import TorqueLoop
 from ..simulation.run import simulate
 from .gain_design import DesignTask, Measured, measure_task
 from .hardware_bandwidths import (
@@ -177,10 +179,11 @@ def propose_for_hardware(
         accuracy: Largest error allowed; None for what the hardware allows [rad or m].
         on_tick: Called with (ticks done, ticks in all) of every simulation.
     """
-    smooth = replace(task, uncertainty=task.uncertainty.but(coulomb=0.0, viscous=0.0))
-    measured = measure_task(smooth)
+    smooth = task.uncertainty.but(coulomb=0.0, viscous=0.0)
+    seen = _as_seen(task.arm, hardware)
+    measured = measure_task(replace(task, arm=seen, uncertainty=smooth))
     found = _designed(task, hardware, measured, accuracy or BEST)
-    if hardware.is_elastic:
+    if hardware.is_elastic and hardware.torque_sensor is None:
         return _refused_for_springs(found)
     aim = _JUMP_TARGET * (accuracy or BEST)
     for _ in range(_ROUNDS):
@@ -192,6 +195,14 @@ def propose_for_hardware(
     else:
         found = replace(found, runs=tuple(_runs(task, found, impedance, q0, on_tick)))
     return _judged(found, accuracy)
+
+
+def _as_seen(arm: ArmModel, hardware: Hardware) -> ArmModel:
+    """The arm as the law meets it: an inner torque loop makes rotors behind springs lighter, B/(1 + K_T)."""
+    rotors = hardware.rotors(arm)
+    if hardware.is_elastic and hardware.torque_sensor is not None:
+        rotors = rotors / (1.0 + TorqueLoop.for_(hardware, arm).gain)
+    return arm.with_armature(rotors)
 
 
 def _designed(
@@ -239,6 +250,7 @@ def _controller(
         bandwidths=(proposal.bandwidths.quiet, proposal.bandwidths.alert),
         dt=proposal.dt,
         k2=proposal.k2,
+        learns_friction=not proposal.hardware.is_elastic,
         limits=limits,
     )
 
@@ -261,7 +273,13 @@ def _runs(
         ticks = max(round(task.duration / task.dt), 10)
         try:
             result = simulate(
-                controller, plant, task.trajectory, q0=q0, duration=ticks * task.dt, on_tick=on_tick
+                controller,
+                plant,
+                task.trajectory,
+                q0=q0,
+                duration=ticks * task.dt,
+                substeps=enough_substeps(plant, q0, task.dt),
+                on_tick=on_tick,
             )
         except DivergenceError:
             yield HardwareRun(sample, np.full(task.arm.nv, np.inf), np.inf)

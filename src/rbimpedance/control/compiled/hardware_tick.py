@@ -164,8 +164,8 @@ UNSOUND, EXCEEDED, SENT = 0, 1, 2
 def hardware_kernel() -> Callable[..., Any]:
     """Compile the tick, or load it from the disk."""
     vectors = (VECTOR_IN, VECTOR_IN, VectorsArgument(Reference, VECTOR_IN), VECTOR_IN)
-    arrays = (OWN_VECTOR, OWN_MATRIX, OWN_MATRIX, OWN_MATRIX, OWN_VECTOR)
-    return kernel(_entry, (_WORDS, types.int64, *vectors, *arrays))
+    memory = (OWN_VECTOR, OWN_MATRIX, OWN_MATRIX)
+    return kernel(_entry, (_WORDS, types.int64, *vectors, *memory, *memory, OWN_MATRIX, OWN_VECTOR))
 
 
 _TABLES = types.NamedTuple((ARM, OWN_MATRIX, OWN_MATRIX, OWN_VECTOR), HardwareTables)
@@ -173,13 +173,16 @@ _SPACE = types.NamedTuple((SPACE, *[OWN_MATRIX] * 3, OWN_VECTOR), TickSpace)
 _WORDS = Held(types.NamedTuple((_TABLES, _SPACE), HardwareWords))
 
 
-def _entry(
+def _entry(  # noqa: PLR0913 (a state, and the next one)
     words: Any,
     ticks: int,
     q: Array,
     v: Array,
     reference: Any,
     tau_ext: Array,
+    q_before: Array,
+    rows_before: Array,
+    pending_before: Array,
     q_hat: Array,
     rows: Array,
     pending: Array,
@@ -190,6 +193,13 @@ def _entry(
     given = TickInputs(q, v, reference[0], reference[1], reference[2], tau_ext)
     if not is_sound(tables.arm, given):
         return UNSOUND
+    for i in range(len(q_hat)):
+        q_hat[i] = q_before[i]
+    for j in range(rows.shape[1]):
+        for i in range(len(rows)):
+            rows[i, j] = rows_before[i, j]
+        for i in range(len(pending)):
+            pending[i, j] = pending_before[i, j]
     memory, output = TickMemory(q_hat, rows, pending), TickOutput(out, q_r)
     return SENT if hardware_tick(tables, space, ticks, given, memory, output) else EXCEEDED
 

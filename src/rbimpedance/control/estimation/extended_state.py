@@ -213,6 +213,6 @@ class ExtendedStateObserver:
         """Configuration, velocity and motor torque a period on, while tau is what the motors are to give."""
         mean, L = lagged(L, tau, *self._lag)
         total = mean + torque + estimate.state.disturbance - estimate.bias
-        a: Array = np.linalg.solve(estimate.M, total)
+        a = np.asarray(np.linalg.solve(estimate.M, total), dtype=np.float64)
         step, v = moved(v, a, self.dt)
         return self.arm.raw_dynamics.integrate(q, step), v, L

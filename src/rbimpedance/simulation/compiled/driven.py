@@ -61,7 +61,7 @@ FIRST, END, LAST, SUBSTEPS = range(4)
 TICK, JOINT = range(2)
 
 FINISHED, REFUSED, DIVERGED = 0, 1, 2
-"""How a block of ticks ended: at its end, at a tick that the tick refuses, at a joint that left every range."""
+"""How a block of ticks ended: at its end, at a tick that is refused, at a joint that left every range."""
 
 _BIAS, _ZERO, _DRY, _VISCOUS, _P, _TORQUE, _V, _A = range(8)
 
@@ -137,8 +137,10 @@ class DrivenClock(NamedTuple):
 
 def drive_space(nq: int, nv: int) -> DriveSpace:
     """Return work space for arms of this size."""
-    matrices: Any = np.zeros((3, nv, nv))
-    return DriveSpace(workspace(nv), *matrices, np.zeros((8, nv)), np.zeros(nq), np.zeros(nv))
+    M, factor, inverse = np.zeros((3, nv, nv))
+    return DriveSpace(
+        workspace(nv), M, factor, inverse, np.zeros((8, nv)), np.zeros(nq), np.zeros(nv)
+    )
 
 
 class DriveWords(NamedTuple):

@@ -21,7 +21,22 @@ from .compiled_drives import compiled_step
 from .elasticity import check_step, refuse_at, stiffness_of_joints, usual_damping, whole
 from .protocol import Motion, Plant
 from .rigid import RigidPlant
-from .sticking import StickingPlant
+from .sticking import StickingPlant, rub
+from .torque_loop import LoopState, TorqueLoop
+
+
+class GearFriction(NamedTuple):
+    """Friction of the rotors of elastic joints; it sticks, see `StickingPlant`.
+
+    Attributes:
+        coulomb: Dry friction, shape (nv,) [N·m or N].
+        viscous: Viscous friction, shape (nv,) [N·m·s/rad or N·s/m].
+        stribeck: How much larger dry friction is at rest, relative.
+    """
+
+    coulomb: Array
+    viscous: Array
+    stribeck: float
 
 
 class DrivenState(NamedTuple):
@@ -33,6 +48,7 @@ class DrivenState(NamedTuple):
         pending: Torques on their way to the motors, one for each step of the dead time, the oldest first.
         delta: How far the rotors are ahead of the links [rad or m].
         rotor_velocity: Of the rotors, on the joints' side of the gears [rad/s or m/s].
+        loop: State of the inner torque loop, None where there is none.
     """
 
     links: Any
@@ -40,6 +56,7 @@ class DrivenState(NamedTuple):
     pending: Array
     delta: Array
     rotor_velocity: Array
+    loop: LoopState | None
 
 
 @brief_repr()
@@ -56,7 +73,8 @@ class DrivenPlant:
     the flexible joint of Spong (1987): the rotors' kinetic energy is that of their own spin. The lag is stepped exactly
     for a held tau, the two masses by semi-implicit Euler, whose energy neither grows nor decays. With everything at
     its default a drive is perfect, and the plant is that of its links. The friction of the arm acts on the links, at
-    the end of a step. A run begins with the drives holding the links against gravity.
+    the end of a step, and that of the gears on the rotors. A run begins with the drives holding the links against
+    gravity. With a `TorqueLoop`, tau is what its feedback of the springs' torque starts from.
 
     Attributes:
         links: What is behind the drives: another plant; an `ArmModel` becomes a `RigidPlant`.
@@ -71,7 +89,10 @@ class DrivenPlant:
             alone at `arm.neutral`.
         rotor_inertia: B, shape (nv,) [kg·m² or kg]; by default the arm's armature. Where a joint is elastic it is taken
             off the links, whose armature is 0 then; where it is rigid it stays on them.
-        encoders: Whether they are on the rotor ("motor", as in most arms) or on the link.
+        encoders: Whether they are on the rotor ("motor", as in most arms) or on the link. With a torque loop, whose
+            sensor tells how far the springs are wound, those on the rotors give the links' position, too.
+        gear_friction: Dry and viscous friction of the rotors of elastic joints, which sticks; None for none.
+        torque_loop: Inner torque loop; None for none.
 
     Args:
         links: An arm, or a plant whose arm has armature 0 where a joint is elastic.
@@ -84,6 +105,8 @@ class DrivenPlant:
         damping: Scalar or (nv,), at least 0.
         rotor_inertia: Scalar or (nv,), positive where a joint is elastic.
         encoders: "motor" or "link".
+        gear_friction: A `GearFriction`, or None.
+        torque_loop: A `TorqueLoop`, or None.
 
     Raises:
         ParameterError: A parameter outside of these sets; an elastic joint without a rotor, or with armature on a
@@ -101,6 +124,8 @@ class DrivenPlant:
     damping: Array
     rotor_inertia: Array
     encoders: EncoderSide
+    gear_friction: GearFriction | None
+    torque_loop: TorqueLoop | None
 
     def __init__(
         self,
@@ -115,6 +140,8 @@ class DrivenPlant:
         damping: ArrayLike | None = None,
         rotor_inertia: ArrayLike | None = None,
         encoders: EncoderSide = "motor",
+        gear_friction: GearFriction | None = None,
+        torque_loop: TorqueLoop | None = None,
     ) -> None:
         if not isinstance(links, ArmModel | Plant):
             raise ParameterError("links", links, "an ArmModel or a Plant")
@@ -132,6 +159,8 @@ class DrivenPlant:
             stiffness=stiffness_of_joints(stiffness, arm.nv),
             rotor_inertia=not_negative("rotor_inertia", inertia, arm.nv),
             encoders=encoders,
+            gear_friction=gear_friction,
+            torque_loop=torque_loop,
         )
         set_fields(self, links=self._behind_springs(links))
         usual = usual_damping(self.arm, self.stiffness, self.rotor_inertia)
@@ -153,16 +182,22 @@ class DrivenPlant:
             ParameterError: An elastic joint without a rotor.
             DimensionError: A number for another number of joints.
         """
-        sticks = bool(arm.coulomb.any() or arm.viscous.any()) and not hardware.is_elastic
-        links = arm if hardware.rotor_inertia is None else arm.with_armature(hardware.rotor_inertia)
+        rotors, rubs = hardware.rotors(arm), bool(arm.coulomb.any() or arm.viscous.any())
+        elastic = hardware.is_elastic
+        free = arm.with_friction(0.0, 0.0) if elastic else arm
+        links = free.with_armature(rotors)
+        friction = GearFriction(arm.coulomb, arm.viscous, hardware.stribeck)
+        senses = elastic and hardware.torque_sensor is not None
         return cls(
-            StickingPlant(links, hardware.stribeck) if sticks else links,
+            StickingPlant(links, hardware.stribeck) if rubs and not elastic else links,
             time_constant=hardware.torque_lag,
             dead_time=hardware.delay * dt,
             ripple=hardware.ripple,
             stiffness=hardware.joint_stiffness,
-            rotor_inertia=hardware.rotor_inertia,
+            rotor_inertia=rotors,
             encoders=hardware.encoder_side,
+            gear_friction=friction if rubs and elastic else None,
+            torque_loop=TorqueLoop.for_(hardware, arm) if senses else None,
         )
 
     # --- a plant ------------------------------------------------------------------------------------------------
@@ -191,18 +226,26 @@ class DrivenPlant:
         torque = self.arm.raw_dynamics.bias(q, np.zeros(self.arm.nv))
         links = self.links.begin(q, v, h)
         pending = np.tile(torque, (steps, 1))
-        return DrivenState(links, torque, pending, torque / self.stiffness, np.array(v))
+        loop = None if self.torque_loop is None else self.torque_loop.init(torque)
+        delta = torque / self.stiffness
+        return DrivenState(links, torque, pending, delta, np.array(v), loop)
 
     def motion(self, state: DrivenState) -> Motion:
         """Return how the links move; see `Plant.motion`."""
         return self.links.motion(state.links)
 
     def measured(self, state: DrivenState) -> Motion:
-        """Return how the rotors move, or the measurement of the links' plant if the encoders are on the links."""
+        """Return how the rotors move, or the measurement of the links' plant if the encoders are on the links.
+
+        With a torque loop the rotors' positions are given less what its sensor says that the springs are wound up.
+        """
         if self.encoders == "link" or not self.elastic.any():
             return self.links.measured(state.links)
         q, _ = self.links.motion(state.links)
-        return Motion(self.arm.raw_dynamics.integrate(q, state.delta), state.rotor_velocity)
+        ahead = state.delta
+        if state.loop is not None:
+            ahead = ahead - np.where(self.elastic, state.loop.measured / self.stiffness, 0.0)
+        return Motion(self.arm.raw_dynamics.integrate(q, ahead), state.rotor_velocity)
 
     def external_torque(self, state: DrivenState, environment: Interaction, t: float) -> Array:
         """Return what the world does to the links; see `Plant.external_torque`."""
@@ -225,7 +268,7 @@ class DrivenPlant:
             q, v, torque, pending = compiled(
                 tau, tau_ext, now.q, now.v, state.torque, state.pending
             )
-            return DrivenState(Motion(q, v), torque, pending, state.delta, v)
+            return DrivenState(Motion(q, v), torque, pending, state.delta, v, None)
         return self._plain_step(state, tau, environment, t, h)
 
     def _plain_step(
@@ -234,20 +277,39 @@ class DrivenPlant:
         """The readable form of a step, which specifies the compiled one."""
         with np.errstate(over="ignore", invalid="ignore"):
             pending = np.concatenate([state.pending, tau[None]])
-            mean, torque = lagged(state.torque, pending[0], *lag_of(self.time_constant, h))
+            wanted, loop = self._fed_back(state, pending[0], h)
+            mean, torque = lagged(state.torque, wanted, *lag_of(self.time_constant, h))
             motor = self._rippled(state, mean)
             transmitted = self._transmitted(state, motor)
             links = self.links.step(state.links, transmitted, environment, t, h)
             q, _ = self.links.motion(state.links)
             q_next, v_next = self.links.motion(links)
-            elastic, B = self.elastic, self.rotor_inertia
-            rate = np.divide(motor - transmitted, B, out=np.zeros_like(motor), where=elastic)
-            rotor_velocity = np.where(elastic, state.rotor_velocity + h * rate, v_next)
+            rotor_velocity = self._rotor_velocity(state, motor - transmitted, v_next, h)
             moved = self.arm.raw_dynamics.difference(q, q_next)
-            delta = np.where(elastic, state.delta + h * rotor_velocity - moved, 0.0)
-        return DrivenState(links, torque, pending[1:], delta, rotor_velocity)
+            delta = np.where(self.elastic, state.delta + h * rotor_velocity - moved, 0.0)
+        return DrivenState(links, torque, pending[1:], delta, rotor_velocity, loop)
 
     # --- a drive ------------------------------------------------------------------------------------------------
+
+    def _fed_back(self, state: DrivenState, tau: Array, h: float) -> tuple[Array, LoopState | None]:
+        """What the motors are asked for, behind the torque loop where there is one."""
+        if self.torque_loop is None or state.loop is None:
+            return tau, None
+        behind = self._transmitted(state, state.torque)
+        wanted, loop = self.torque_loop.step(state.loop, tau, behind, h)
+        return np.where(self.elastic, wanted, tau), loop
+
+    def _rotor_velocity(self, state: DrivenState, torque: Array, v_links: Array, h: float) -> Array:
+        """Velocity of the rotors after a step; that of the links where a joint is rigid."""
+        elastic, B = self.elastic, self.rotor_inertia
+        rate = np.divide(torque, B, out=np.zeros_like(torque), where=elastic)
+        w = np.where(elastic, state.rotor_velocity + h * rate, v_links)
+        if self.gear_friction is not None and elastic.any():
+            dry, viscous, stribeck = self.gear_friction
+            A = np.diag(np.divide(1.0, B, out=np.ones_like(B), where=elastic))
+            impulses = h * dry * elastic, h * viscous * elastic, np.empty_like(w)
+            rub(w, A, *impulses, stribeck, 1)
+        return w
 
     def _rippled(self, state: DrivenState, torque: Array) -> Array:
         """Torque on the rotors, with ripple and cogging."""

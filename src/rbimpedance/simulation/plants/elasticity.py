@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 from bisect import bisect_left
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -115,6 +117,26 @@ def check_step(arm: ArmModel, K: Array, D: Array, B: Array, q: Array, h: float) 
         f"at most {h / needed:.3g} s, which is {needed} times the substeps, for the spring of joint "
         f"'{arm.joint_names[joint]}'",
     )
+
+
+def enough_substeps(plant: Any, q: Array, dt: float) -> int:
+    """Return physics steps in a control period that the springs of a plant allow: 4, 8, 16, 32 or 64.
+
+    Args:
+        plant: A `DrivenPlant`.
+        q: Configuration at which a run begins, shape (nq,).
+        dt: Control period [s].
+
+    Raises:
+        ParameterError: 64 are not enough.
+    """
+    zero = np.zeros(plant.arm.nv)
+    for substeps in (4, 8, 16, 32):
+        with contextlib.suppress(ParameterError):
+            plant.begin(q, zero, dt / substeps)
+            return substeps
+    plant.begin(q, zero, dt / 64)
+    return 64
 
 
 def _mobility(arm: ArmModel, elastic: BoolArray, B: Array, q: Array) -> Array:
