@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import rbimpedance as rbi
-from rbimpedance._common.arrays import Array
 from rbimpedance.interaction.wrenches import Nothing
 from rbimpedance.simulation.plants.torque_loop import TorqueLoop
 
@@ -16,9 +15,9 @@ B, K, OMEGA, H = 0.5, 1e4, 600.0, 2e-5
 FREE = Nothing()
 
 
-def hardware(**more: float) -> rbi.Hardware:
+def hardware() -> rbi.Hardware:
     return rbi.Hardware(
-        joint_stiffness=K, rotor_inertia=B, torque_sensor=0.0, torque_bandwidth=OMEGA, **more
+        joint_stiffness=K, rotor_inertia=B, torque_sensor=0.0, torque_bandwidth=OMEGA
     )
 
 
@@ -49,11 +48,13 @@ def test_torque_behind_the_spring_answers_as_a_damped_second_order() -> None:
     for i in range(round(0.02 / H)):
         state = plant.step(state, np.ones(1), FREE, i * H, H)
         torque.append(float(K * state.delta[0]))
-    t: Array = H * np.arange(1, len(torque) + 1)
+    t = H * np.arange(1, len(torque) + 1)
     zeta, omega = 0.7, OMEGA * np.sqrt(1.0 - 0.49)
     wave = np.cos(omega * t) + zeta / np.sqrt(1.0 - zeta**2) * np.sin(omega * t)
     expected = 1.0 - np.exp(-zeta * OMEGA * t) * wave
-    assert np.abs(np.array(torque) - expected).max() < 0.2  # the rate's low-pass is no faster than three times ω
+    assert (
+        np.abs(np.array(torque) - expected).max() < 0.2
+    )  # the rate's low-pass is no faster than three times ω
     assert torque[-1] == pytest.approx(1.0, abs=0.01)
 
 

@@ -75,7 +75,7 @@ def test_ripple_adds_to_what_a_motion_needs() -> None:
     assert rippling > 1.2 * smooth
 
 
-def proposed(hardware: rbi.Hardware, **more: Any) -> Any:
+def proposed(hardware: Any, **more: Any) -> Any:
     arm = manipulator().with_armature(0.1)
     unknown = rbi.Uncertainty(inertia_scale=1.1, coulomb=1.0, viscous=0.5)
     motion = rbi.trajectories.cosine(arm, amplitude=0.1, period=2.0)

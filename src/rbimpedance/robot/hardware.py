@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, gain, per_joint, positive_number
+from .._common.arrays import Array, gain, per_joint, positive_number, whole_number
 from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
@@ -77,9 +77,6 @@ class Hardware:
     ) -> None:
         if encoder_side not in ("motor", "link"):
             raise ParameterError("encoder_side", encoder_side, '"motor" or "link"')
-        is_whole = isinstance(delay, int | np.integer) and not isinstance(delay, bool)
-        if not is_whole or delay < 0:
-            raise ParameterError("delay", delay, "a whole number of ticks, 0 or more")
         if not 0.0 <= stribeck < np.inf:
             raise ParameterError("stribeck", stribeck, "zero or positive and finite")
         set_fields(
@@ -88,7 +85,7 @@ class Hardware:
             encoder_side=encoder_side,
             gear_ratio=gain("gear_ratio", gear_ratio, "positive", _is_positive),
             torque_lag=gain("torque_lag", torque_lag, "zero or positive", _is_not_negative),
-            delay=int(delay),
+            delay=whole_number("delay", delay, meaning="ticks"),
             ripple=gain("ripple", ripple, "zero or positive", _is_not_negative),
             stribeck=float(stribeck),
             joint_stiffness=_or_infinite("joint_stiffness", joint_stiffness),

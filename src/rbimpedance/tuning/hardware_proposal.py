@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -167,7 +167,6 @@ def propose_for_hardware(
     impedance: Impedance,
     q0: Array,
     accuracy: float | None,
-    on_tick: Callable[[int, int], None] | None,
 ) -> HardwareProposal:
     """Return the proposal for an arm on its hardware; see `propose_gains`.
 
@@ -177,7 +176,6 @@ def propose_for_hardware(
         impedance: Target impedance of the simulations.
         q0: Initial configuration, shape (nq,).
         accuracy: Largest error allowed; None for what the hardware allows [rad or m].
-        on_tick: Called with (ticks done, ticks in all) of every simulation.
     """
     smooth = task.uncertainty.but(coulomb=0.0, viscous=0.0)
     seen = _as_seen(task.arm, hardware)
@@ -187,13 +185,13 @@ def propose_for_hardware(
         return _refused_for_springs(found)
     aim = _JUMP_TARGET * (accuracy or BEST)
     for _ in range(_ROUNDS):
-        found = replace(found, runs=tuple(_runs(task, found, impedance, q0, on_tick)))
+        found = replace(found, runs=tuple(_runs(task, found, impedance, q0)))
         if not found.is_loud:
             break
         aim *= 2.0  # a slower loop is quieter
         found = _designed(task, hardware, measured, aim / _JUMP_TARGET)
     else:
-        found = replace(found, runs=tuple(_runs(task, found, impedance, q0, on_tick)))
+        found = replace(found, runs=tuple(_runs(task, found, impedance, q0)))
     return _judged(found, accuracy)
 
 
@@ -260,7 +258,6 @@ def _runs(
     proposal: HardwareProposal,
     impedance: Impedance,
     q0: Array,
-    on_tick: Callable[[int, int], None] | None,
 ) -> Iterator[HardwareRun]:
     """The extreme samples on the hardware."""
     law = _controller(proposal, impedance, task.limits)
@@ -279,7 +276,7 @@ def _runs(
                 q0=q0,
                 duration=ticks * task.dt,
                 substeps=enough_substeps(plant, q0, task.dt),
-                on_tick=on_tick,
+                on_tick=task.on_tick,
             )
         except DivergenceError:
             yield HardwareRun(sample, np.full(task.arm.nv, np.inf), np.inf)

@@ -8,12 +8,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..._common.arrays import Array, not_negative, per_joint, positive, positive_number
+from ..._common.arrays import (
+    Array,
+    not_negative,
+    per_joint,
+    positive,
+    positive_number,
+    whole_number,
+)
 from ..._common.brief import brief_repr
 from ..._common.frozen import set_fields
 from ...law.lag import Lag, lag_of, lagged
 from ...robot.arm_model import ArmModel
-from ..imperfect import whole_number
 
 # --- formulas, for all joints at once or for one ------------------------------------------------------------------
 
