@@ -69,7 +69,7 @@ class HardwareController(Baseline[HardwareState]):
 
     Attributes:
         arm: The controller's model of the arm.
-        hardware: What stands between tick and links.
+        hardware: What is between tick and links.
         impedance: Target impedance.
         bandwidths: Of the loop, quiet and alert; `propose_gains(..., hardware=...)` computes them.
         dt: Control period [s].

@@ -51,7 +51,7 @@ class ObservedController(ControllerWrapper[ObservedState, ControllerOutput]):
 
     Args:
         controller: The controller inside.
-        hardware: What stands between tick and links: its lag and its delay are inside the observer.
+        hardware: What is between tick and links: its lag and its delay are inside the observer.
         bandwidth: Of the observer, scalar or (nv,), positive [rad/s].
 
     Raises:

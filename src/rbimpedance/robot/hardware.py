@@ -1,4 +1,4 @@
-"""What stands between a controller's tick and the links: encoders, drives, springs, torque sensors."""
+"""What is between a controller's tick and the links: encoders, drives, springs, torque sensors."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ class Hardware:
 
     @property
     def is_perfect(self) -> bool:
-        """Whether nothing stands between a tick and the links; friction is the arm's own."""
+        """Whether nothing is between a tick and the links; friction is the arm's own."""
         return (
             self.encoder_bits is None
             and self.delay == 0

@@ -109,7 +109,7 @@ def simulate(  # noqa: PLR0913 (what acts on a run, each given by name)
         joint_stops: Whether the joints have stops at the plant's position limits: stiff springs with dampers, see
             `JointStops`, or stops of one's own. Without them a joint swings through its limit; `result.verdict()` says
             so.
-        hardware: What stands between a tick and the links of an arm: it is put behind the drives of the description,
+        hardware: What is between a tick and the links of an arm: it is put behind the drives of the description,
             and the controller behind its encoders. None for nothing.
         on_tick: Called with (ticks done, ticks in all), for a progress bar: at every tick, or every few thousand
             physics steps of a compiled run.

@@ -172,7 +172,7 @@ def propose_for_hardware(
 
     Args:
         task: The requirements.
-        hardware: What stands between tick and links.
+        hardware: What is between tick and links.
         impedance: Target impedance of the simulations.
         q0: Initial configuration, shape (nq,).
         accuracy: Largest error allowed; None for what the hardware allows [rad or m].

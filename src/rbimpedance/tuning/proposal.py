@@ -225,7 +225,7 @@ def propose_gains(
         duration: Length of the motion that counts, and of the simulations [s].
         accuracy: Largest error abs(e1) allowed after the reaching phase; by default 1e-3, with `hardware` what it
             allows [rad or m].
-        hardware: What stands between a tick and the links; None for nothing.
+        hardware: What is between a tick and the links; None for nothing.
         **search: The fields of `gain_design.Search`: samples, instants, seed, backend, on_tick, remedy_time.
 
     Returns:

@@ -90,7 +90,7 @@ class DrivenPlant:
         rotor_inertia: B, shape (nv,) [kg·m² or kg]; by default the arm's armature. Where a joint is elastic it is taken
             off the links, whose armature is 0 then; where it is rigid it stays on them.
         encoders: Whether they are on the rotor ("motor", as in most arms) or on the link. With a torque loop, whose
-            sensor tells how far the springs are wound, those on the rotors give the links' position, too.
+            sensor measures how far the springs are wound, those on the rotors give the links' position, too.
         gear_friction: Dry and viscous friction of the rotors of elastic joints, which sticks; None for none.
         torque_loop: Inner torque loop; None for none.
 
@@ -292,7 +292,7 @@ class DrivenPlant:
     # --- a drive ------------------------------------------------------------------------------------------------
 
     def _fed_back(self, state: DrivenState, tau: Array, h: float) -> tuple[Array, LoopState | None]:
-        """What the motors are asked for, behind the torque loop where there is one."""
+        """What the motors are to give, behind the torque loop where there is one."""
         if self.torque_loop is None or state.loop is None:
             return tau, None
         behind = self._transmitted(state, state.torque)
