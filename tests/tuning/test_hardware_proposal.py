@@ -66,13 +66,14 @@ def test_predicted_noise_is_that_of_an_observer_on_counts() -> None:
     assert 0.3 < seen / predicted < 3.0
 
 
-def test_ripple_adds_to_what_a_motion_needs() -> None:
+def test_ripple_adds_to_what_a_motion_needs_in_proportion() -> None:
     arm = manipulator()
     motion = rbi.trajectories.cosine(arm, amplitude=0.1, period=4.0)
-    smooth, rippling = (
-        variation_of_motion(arm, rbi.Hardware(ripple=r), motion, 4.0) for r in (0.0, 0.03)
+    smooth, some, twice = (
+        variation_of_motion(arm, rbi.Hardware(ripple=r), motion, 4.0) for r in (0.0, 0.03, 0.06)
     )
-    assert rippling > 1.2 * smooth
+    assert some > 1.1 * smooth
+    assert twice - smooth == pytest.approx(2.0 * (some - smooth))
 
 
 def proposed(hardware: Any, **more: Any) -> Any:
