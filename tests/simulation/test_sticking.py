@@ -8,8 +8,9 @@ import pytest
 import rbimpedance as rbi
 from rbimpedance._common.arrays import Array
 from rbimpedance.interaction.wrenches import Nothing
+from rbimpedance.simulation.plants.dry_friction import rub
 from rbimpedance.simulation.plants.protocol import Motion
-from rbimpedance.simulation.plants.sticking import StickingPlant, rub
+from rbimpedance.simulation.plants.sticking import StickingPlant
 
 from ..arms import manipulator, pendulum
 

@@ -103,31 +103,48 @@ class CompiledForm(PlainForm):
         )
 
     def memory(self, state: HardwareState) -> Any:
-        """Return ticks, state, and a place for the next one; the tick of `in_place` goes back and forth."""
-        ticks, *before = state
-        before = [np.array(part) for part in before]
-        return [ticks, before, [part.copy() for part in before]]
+        """Return a state in the form that the tick of `in_place` takes."""
+        return [state]
 
     def state(self, memory: Any) -> HardwareState:
-        """Return the state that is in such a memory."""
-        return HardwareState(memory[0], *(part.copy() for part in memory[1]))
+        """Return the state that is in such a memory, or that the tick of `in_place` has made of it."""
+        if len(memory) == 1:
+            state: HardwareState = memory[0]
+            return state
+        ticks, places, i = memory
+        return HardwareState(ticks, *(part.copy() for part in places[i]))
 
     def in_place(self, tau: Array) -> tuple[Any, Any]:
-        """Return a tick that writes its torque to tau and the next state to its memory."""
-        kernel, sent = self._kernel, self._sent
-        out, q_r = np.empty((OUT_ROWS, self._nv)), np.empty(self._nq)
-        torque = out[0]
+        """Return a tick that writes its torque to tau and goes back and forth between two places for the state."""
+        from .compiled.hardware_tick import realtime_kernel  # noqa: PLC0415 (Numba is loaded when needed)
 
-        def tick(words: Any, memory: Any, q: Any, v: Any, reference: Any, tau_ext: Any) -> Any:
-            ticks, before, after = memory
-            ending = kernel(words, ticks, q, v, reference, tau_ext, *before, *after, out, q_r)
-            if ending != sent:
+        kernel, sent = realtime_kernel(), self._sent
+
+        def tick(prepared: Any, memory: Any, q: Any, v: Any, reference: Any, tau_ext: Any) -> Any:
+            if len(memory) == 1:
+                prepared[:], memory[:] = self._places(memory[0], tau)
+            ticks, _, i = memory
+            if kernel(prepared[i], ticks, q, v, reference, tau_ext) != sent:
                 return None
-            tau[:] = torque
-            memory[:] = ticks + 1, after, before
+            memory[0], memory[2] = ticks + 1, 1 - i
             return True
 
-        return tick, self._words()
+        return tick, []
+
+    def _places(self, state: HardwareState, tau: Array) -> tuple[list[Any], list[Any]]:
+        """What the kernel is given at even and at odd ticks; ticks so far, the two places, and which has the state."""
+        from .._numba.layouts.tables import hold  # noqa: PLC0415 (Numba is loaded when needed)
+        from .compiled import hardware_tick as at  # noqa: PLC0415
+
+        ticks, *parts = state
+        one, other = (at.TickMemory(*(np.array(part) for part in parts)) for _ in range(2))
+        space = at.tick_space(self._nq, self._nv)
+        out = at.tick_output(self._nq, self._nv)
+        words = [
+            hold(at.RealtimeWords(self.tables, space, before, after, out, tau))
+            for before, after in ((one, other), (other, one))
+        ]
+        return words, [ticks, (one, other), 0]
 
     def _words(self) -> Any:
         from .._numba.layouts.tables import hold  # noqa: PLC0415 (Numba is loaded when needed)

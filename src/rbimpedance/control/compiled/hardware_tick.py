@@ -110,6 +110,17 @@ class TickSpace(NamedTuple):
     q: Array
 
 
+class RealtimeWords(NamedTuple):
+    """What the tick of a real-time loop reads and writes besides its arguments."""
+
+    tables: HardwareTables
+    space: TickSpace
+    before: TickMemory
+    after: TickMemory
+    out: TickOutput
+    tau: Array
+
+
 class HardwareWords(NamedTuple):
     """What the entry point reads and writes besides its arguments."""
 
@@ -173,6 +184,20 @@ _SPACE = types.NamedTuple((SPACE, *[OWN_MATRIX] * 3, OWN_VECTOR), TickSpace)
 _WORDS = Held(types.NamedTuple((_TABLES, _SPACE), HardwareWords))
 
 
+_MEMORY = types.NamedTuple((OWN_VECTOR, OWN_MATRIX, OWN_MATRIX), TickMemory)
+_OUT = types.NamedTuple((OWN_MATRIX, OWN_VECTOR), TickOutput)
+_REALTIME = Held(
+    types.NamedTuple((_TABLES, _SPACE, _MEMORY, _MEMORY, _OUT, OWN_VECTOR), RealtimeWords)
+)
+
+
+@functools.cache
+def realtime_kernel() -> Callable[..., Any]:
+    """Compile the tick of a real-time loop, or load it from the disk."""
+    vectors = (VECTOR_IN, VECTOR_IN, VectorsArgument(Reference, VECTOR_IN), VECTOR_IN)
+    return kernel(_realtime_entry, (_REALTIME, types.int64, *vectors))
+
+
 def _entry(  # noqa: PLR0913 (a state, and the next one)
     words: Any,
     ticks: int,
@@ -191,17 +216,44 @@ def _entry(  # noqa: PLR0913 (a state, and the next one)
 ) -> int:
     tables, space = opened_words(words)
     given = TickInputs(q, v, reference[0], reference[1], reference[2], tau_ext)
+    before = TickMemory(q_before, rows_before, pending_before)
+    after, output = TickMemory(q_hat, rows, pending), TickOutput(out, q_r)
+    return _whole(tables, space, ticks, given, before, after, output)
+
+
+def _realtime_entry(
+    words: Any, ticks: int, q: Array, v: Array, reference: Any, tau_ext: Array
+) -> int:
+    tables, space, before, after, out, tau = opened_words(words)
+    given = TickInputs(q, v, reference[0], reference[1], reference[2], tau_ext)
+    ending = _whole(tables, space, ticks, given, before, after, out)
+    if ending == SENT:
+        for j in range(len(tau)):
+            tau[j] = out.rows[OUT_TAU, j]
+    return ending
+
+
+@routine
+def _whole(
+    tables: HardwareTables,
+    space: TickSpace,
+    ticks: int,
+    given: TickInputs,
+    before: TickMemory,
+    after: TickMemory,
+    out: TickOutput,
+) -> int:
+    """A tick on a copy of the state, which is kept as it was."""
     if not is_sound(tables.arm, given):
         return UNSOUND
-    for i in range(len(q_hat)):
-        q_hat[i] = q_before[i]
-    for j in range(rows.shape[1]):
-        for i in range(len(rows)):
-            rows[i, j] = rows_before[i, j]
-        for i in range(len(pending)):
-            pending[i, j] = pending_before[i, j]
-    memory, output = TickMemory(q_hat, rows, pending), TickOutput(out, q_r)
-    return SENT if hardware_tick(tables, space, ticks, given, memory, output) else EXCEEDED
+    for i in range(len(after.q)):
+        after.q[i] = before.q[i]
+    for j in range(after.rows.shape[1]):
+        for i in range(len(after.rows)):
+            after.rows[i, j] = before.rows[i, j]
+        for i in range(len(after.pending)):
+            after.pending[i, j] = before.pending[i, j]
+    return SENT if hardware_tick(tables, space, ticks, given, after, out) else EXCEEDED
 
 
 @routine

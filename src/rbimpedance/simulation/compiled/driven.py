@@ -43,12 +43,12 @@ from ...robot.compiled import rigid_body
 from ...robot.compiled.dynamics import ARM, OWN_MATRIX, OWN_VECTOR, SPACE, VECTOR_IN
 from ...robot.compiled.rigid_body import place_joints
 from ...robot.compiled.tables import ArmTables, Workspace, workspace
-from ..plants import sticking
+from ..plants import dry_friction
 from .environment import Environment, environment_torque
 from .loop import ReferenceSamples, own_type, runaway
 
-rub = compiled(sticking.rub)
-sliding_friction = compiled(sticking.sliding_friction)
+rub = compiled(dry_friction.rub)
+sliding_friction = compiled(dry_friction.sliding_friction)
 
 # Rows of `DriveTables.joints`.
 DECAY, MEAN, RIPPLE, COGGING, PERIODS, COULOMB, VISCOUS = range(7)
@@ -302,7 +302,7 @@ def _step(plant: DriveTables, space: DriveSpace, tau: Array, moving: DriveMemory
         rows[_VISCOUS],
         rows[_P],
         plant.numbers[STRIBECK],
-        sticking.ROUNDS,
+        dry_friction.ROUNDS,
     )
     for j in range(n):
         add_step(plant.arm, j, moving.q, h * moving.v[j], moving.q)

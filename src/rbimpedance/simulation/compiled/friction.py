@@ -10,7 +10,7 @@ from numba import types
 
 from ..._numba.compile import kernel
 from ...robot.compiled.dynamics import OWN_MATRIX, OWN_VECTOR
-from ..plants.sticking import rub
+from ..plants.dry_friction import rub
 
 
 @functools.cache

@@ -18,10 +18,11 @@ from ...robot.arm_model import ArmModel
 from ...robot.hardware import EncoderSide as EncoderSide  # noqa: PLC0414 (part of this module's interface)
 from ...robot.hardware import Hardware
 from .compiled_drives import compiled_step
+from .dry_friction import rub
 from .elasticity import check_step, refuse_at, stiffness_of_joints, usual_damping, whole
 from .protocol import Motion, Plant
 from .rigid import RigidPlant
-from .sticking import StickingPlant, rub
+from .sticking import StickingPlant
 from .torque_loop import LoopState, TorqueLoop
 
 
