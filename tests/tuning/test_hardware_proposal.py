@@ -126,3 +126,18 @@ def test_springs_without_a_torque_sensor_are_refused_in_words() -> None:
     assert "spring" in found.reason
     assert any("torque sensor" in remedy for remedy in found.remedies)
     assert "No controller" in found.explain()
+
+
+@pytest.mark.slow
+def test_springs_behind_a_torque_loop_are_held_with_a_small_error() -> None:
+    hardware = rbi.Hardware(
+        **USUAL | {"torque_lag": 3e-4},
+        joint_stiffness=1e4,
+        rotor_inertia=0.3,
+        torque_sensor=0.02,
+        encoder_side="link",
+    )
+    found = proposed(hardware, duration=1.5)
+    assert found.feasible
+    assert found.error.max() < 5e-3
+    assert not found.controller().learns_friction

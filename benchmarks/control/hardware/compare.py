@@ -27,6 +27,7 @@ import rbimpedance as rbi
 from benchmarks import pages
 from benchmarks.arms import ARMS, load
 from benchmarks.progress import bar
+from rbimpedance.simulation.plants.elasticity import enough_substeps
 
 from . import compare_page
 from .linear_laws import DT, GRIDS, TARGET, Candidate
@@ -40,6 +41,16 @@ PUSH = rbi.interaction.Push([0.0, 10.0, 0.0, 0.0, 0.0, 0.0], start=0.5, duration
 CAP = 2.0  # times the torque variation of perfect sensing
 BITS = (17, 19, 24)
 USUAL: dict[str, Any] = {"torque_lag": 2e-3, "delay": 1, "ripple": 0.03, "stribeck": 0.2}
+
+ROTORS = (0.1, 0.5)
+SPRINGS: dict[str, Any] = {
+    "joint_stiffness": 1e4,
+    "torque_sensor": 0.02,
+    "torque_bandwidth": 600.0,
+    "torque_lag": 3e-4,
+    "encoder_side": "link",
+}
+"""What is different on elastic joints: the lag is that of the current loop inside the torque loop."""
 
 RANGES: dict[str, dict[str, Any]] = {
     "lag 1 ms": {"torque_lag": 1e-3},
@@ -65,14 +76,16 @@ class Case:
     Attributes:
         name: Of the arm.
         coulomb: Dry friction of the plant [N·m].
+        rotor: Inertia of the rotors on the joints' side of the gears [kg·m²].
     """
 
     name: str
     coulomb: float = COULOMB
+    rotor: float = ROTOR
 
     def arm(self) -> rbi.ArmModel:
         """The arm as it is modelled, without friction."""
-        return load(self.name, ROTOR).with_friction(0.0, 0.0)
+        return load(self.name, self.rotor).with_friction(0.0, 0.0)
 
     def plant(self) -> rbi.ArmModel:
         """Links 10 % heavier, the whole payload, friction."""
@@ -130,6 +143,7 @@ def run(
             environment=push,
             q0=np.array(plant.neutral),
             duration=length,
+            substeps=enough_substeps(driven, np.array(plant.neutral), DT),
         )
     except rbi.DivergenceError:
         return {"error": np.inf, "variation": np.inf}
@@ -147,7 +161,9 @@ def needed(case: Case, ripple: float, length: float = LENGTH) -> float:
     return float(run(case, law, hardware, case.motion(), length=length)["variation"])
 
 
-def ours(case: Case, hardware: rbi.Hardware) -> tuple[Any, rbi.HardwareProposal]:
+def ours(
+    case: Case, hardware: rbi.Hardware, length: float = LENGTH
+) -> tuple[Any, rbi.HardwareProposal]:
     """What is proposed, behind the encoders."""
     proposal = rbi.propose_gains(
         case.arm(),
@@ -155,7 +171,7 @@ def ours(case: Case, hardware: rbi.Hardware) -> tuple[Any, rbi.HardwareProposal]
         case.motion(),
         DT,
         hardware=hardware,
-        duration=LENGTH,
+        duration=length,
         q0=np.array(case.arm().neutral),
     )
     assert isinstance(proposal, rbi.HardwareProposal)
@@ -205,6 +221,17 @@ def ranges(name: str) -> Iterator[tuple[str, dict[str, Any]]]:
         yield label, found | {"need": needed(case, float(hardware.ripple))}
 
 
+def springs(name: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Ours on springs of 1e4 N·m/rad with an inner torque loop; short runs, since they are made in Python."""
+    for rotor in ROTORS:
+        case = Case(name, rotor=rotor)
+        hardware = rbi.Hardware(**({"encoder_bits": 19, **USUAL} | SPRINGS))
+        controller, proposal = ours(case, hardware, SHORT)
+        found = run(case, controller, hardware, case.motion(), length=SHORT)
+        need = needed(case, USUAL["ripple"], SHORT)
+        yield str(rotor), found | {"need": need, "feasible": proposal.feasible}
+
+
 def standing(name: str) -> dict[str, float]:
     """Torque variation at rest with friction that rises by half, on encoders of 17 bits."""
     case, hardware = Case(name), rbi.Hardware(**({"encoder_bits": 17, **USUAL} | {"stribeck": 0.5}))
@@ -219,6 +246,8 @@ def one_arm(name: str, stride: int, parts: set[str], said: Callable[[], None]) -
         found["laws"] = {str(b): laws(name, b, stride, said) for b in BITS}
     if "still" in parts:
         found["standing"] = standing(name)
+    if "springs" in parts:
+        found["springs"] = dict(springs(name))
     if "ranges" in parts:
         found["ranges"] = dict(ranges(name))
     return found
@@ -231,7 +260,7 @@ def main() -> None:
     parser.add_argument(
         "--every", type=int, default=1, help="take every so many settings of a grid"
     )
-    parser.add_argument("--only", nargs="*", default=["laws", "still", "ranges"])
+    parser.add_argument("--only", nargs="*", default=["laws", "still", "springs", "ranges"])
     parser.add_argument("--out", type=Path, default=pages.FIGURES)
     parser.add_argument("--docs", type=Path, default=pages.DOCS, help="folder of the page")
     parser.add_argument("--draw", action="store_true", help="only tabulate what is there")

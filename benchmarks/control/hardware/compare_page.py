@@ -24,6 +24,7 @@ def tables(rows: Rows) -> dict[str, str]:
         "hardware-laws": _laws(rows),
         "hardware-ranges": _ranges(rows),
         "hardware-standing": _standing(rows),
+        "hardware-springs": _springs(rows),
     }
 
 
@@ -59,6 +60,16 @@ def _standing(rows: Rows) -> str:
     ]
     bits = [f"{b} bits" for b in next(iter(rows.values()))["laws"]]
     return markdown(("arm", *bits, "17 bits, friction 50 % higher at rest"), lines)
+
+
+def _springs(rows: Rows) -> str:
+    measured = {name: row["springs"] for name, row in rows.items() if "springs" in row}
+    rotors = list(next(iter(measured.values())))
+    lines = [
+        (name, *(_cell(found[rotor], found[rotor]["need"]) for rotor in rotors))
+        for name, found in measured.items()
+    ]
+    return markdown(("arm", *(f"rotors of {rotor} kg·m²" for rotor in rotors)), lines)
 
 
 def _ratio(run: Mapping[str, Any], row: Mapping[str, Any]) -> float:
