@@ -55,7 +55,7 @@ def hardware_form(controller: Any) -> PlainForm:
     if not is_available("compiled"):
         return PlainForm()
     from ..robot.compiled.dynamics import CompiledDynamics  # noqa: PLC0415 (Numba is loaded when needed)
-    from .compiled.hardware_tick import hardware_tables  # noqa: PLC0415
+    from .compiled.hardware_tables import hardware_tables  # noqa: PLC0415
 
     arm = controller.arm
     try:
@@ -82,7 +82,7 @@ class CompiledForm(PlainForm):
     """
 
     def __init__(self, tables: Any, nq: int, nv: int) -> None:
-        from .compiled.hardware_tick import SENT, hardware_kernel  # noqa: PLC0415 (Numba is loaded when needed)
+        from .compiled.hardware_kernels import SENT, hardware_kernel  # noqa: PLC0415 (Numba is loaded when needed)
 
         self.tables, self._nq, self._nv, self._sent = tables, nq, nv, SENT
         self._kernel = hardware_kernel()
@@ -116,7 +116,7 @@ class CompiledForm(PlainForm):
 
     def in_place(self, tau: Array) -> tuple[Any, Any]:
         """Return a tick that writes its torque to tau and goes back and forth between two places for the state."""
-        from .compiled.hardware_tick import realtime_kernel  # noqa: PLC0415 (Numba is loaded when needed)
+        from .compiled.hardware_kernels import realtime_kernel  # noqa: PLC0415 (Numba is loaded when needed)
 
         kernel, sent = realtime_kernel(), self._sent
 
@@ -134,12 +134,13 @@ class CompiledForm(PlainForm):
     def _places(self, state: HardwareState, tau: Array) -> tuple[list[Any], list[Any]]:
         """What the kernel is given at even and at odd ticks; ticks so far, the two places, and which has the state."""
         from .._numba.layouts.tables import hold  # noqa: PLC0415 (Numba is loaded when needed)
-        from .compiled import hardware_tick as at  # noqa: PLC0415
+        from .compiled import hardware_kernels as at  # noqa: PLC0415
+        from .compiled.hardware_tables import TickMemory, tick_output, tick_space  # noqa: PLC0415
 
         ticks, *parts = state
-        one, other = (at.TickMemory(*(np.array(part) for part in parts)) for _ in range(2))
-        space = at.tick_space(self._nq, self._nv)
-        out = at.tick_output(self._nq, self._nv)
+        one, other = (TickMemory(*(np.array(part) for part in parts)) for _ in range(2))
+        space = tick_space(self._nq, self._nv)
+        out = tick_output(self._nq, self._nv)
         words = [
             hold(at.RealtimeWords(self.tables, space, before, after, out, tau))
             for before, after in ((one, other), (other, one))
@@ -148,7 +149,8 @@ class CompiledForm(PlainForm):
 
     def _words(self) -> Any:
         from .._numba.layouts.tables import hold  # noqa: PLC0415 (Numba is loaded when needed)
-        from .compiled.hardware_tick import HardwareWords, tick_space  # noqa: PLC0415
+        from .compiled.hardware_kernels import HardwareWords  # noqa: PLC0415
+        from .compiled.hardware_tables import tick_space  # noqa: PLC0415
 
         return hold(HardwareWords(self.tables, tick_space(self._nq, self._nv)))
 

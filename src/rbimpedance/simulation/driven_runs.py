@@ -67,7 +67,7 @@ class _DrivenRun:
     """One run."""
 
     def __init__(self, loop: ClosedLoop) -> None:
-        from ..control.compiled import hardware_tick as tick  # noqa: PLC0415 (Numba is loaded when needed)
+        from ..control.compiled import hardware_tables as tick  # noqa: PLC0415 (Numba is loaded when needed)
         from .compiled import driven  # noqa: PLC0415
         from .compiled.environment import EnvironmentTables  # noqa: PLC0415
 

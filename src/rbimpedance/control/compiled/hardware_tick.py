@@ -2,28 +2,15 @@
 
 from __future__ import annotations
 
-import functools
-import math
-from collections.abc import Callable
-from typing import Any, NamedTuple
-
 import numpy as np
-from numba import types
 
 from ..._common.arrays import Array
-from ..._numba.compile import inline, kernel, routine
-from ..._numba.layouts.objects import VectorsArgument
-from ..._numba.layouts.tables import Held
-from ..._numba.layouts.tables import opened as opened_words
+from ..._numba.compile import inline, routine
 from ..._numba.single_source import compiled
 from ...law import observed_law
-from ...law.impedance import ImpedanceFilter
 from ...law.lag import lagged as lagged_formula
 from ...robot.compiled import rigid_body
-from ...robot.compiled.dynamics import ARM, OWN_MATRIX, OWN_VECTOR, SPACE, VECTOR_IN
 from ...robot.compiled.rigid_body import friction, place_joints
-from ...robot.compiled.tables import CONTINUOUS, KIND, Q_INDEX, ArmTables, Workspace, workspace
-from ...trajectories import Reference
 from ..estimation import extended_state, friction_learning, noise_gate
 from ..estimation.friction_learning import REFERENCE_SMOOTHING
 from ..estimation.noise_gate import OPENING as RISES
@@ -43,8 +30,36 @@ from ..hardware_state import (
     V_E_BEFORE,
     V,
 )
-from .law import TickInputs, add_angle, angle_between
-from .tick import is_sound
+from .hardware_tables import (
+    ALERT,
+    DECAY,
+    DT,
+    EFFORT,
+    FALLS,
+    FORGETTING,
+    K2,
+    MEAN,
+    OUT_A_R,
+    OUT_E1,
+    OUT_E2,
+    OUT_Q_E,
+    OUT_S,
+    OUT_TAU,
+    OUT_U,
+    OUT_V_E,
+    OUT_V_R,
+    QUIET,
+    RATIO,
+    STARTS,
+    THRESHOLD,
+    TORQUE_STEP,
+    HardwareTables,
+    TickMemory,
+    TickOutput,
+    TickSpace,
+)
+from .law import TickInputs
+from .manifold import add_step, difference, factorize, solve
 
 correction = compiled(extended_state.correction)
 moved = compiled(extended_state.moved)
@@ -55,205 +70,8 @@ learned = compiled(friction_learning.learned)
 commanded = compiled(observed_law.commanded)
 lagged = compiled(lagged_formula)
 
-# Rows of `HardwareTables.joints`.
-QUIET, ALERT, THRESHOLD, FALLS, DECAY, MEAN, K2, EFFORT, TORQUE_STEP = range(9)
-
-# Entries of `HardwareTables.numbers`.
-DT, RATIO, FORGETTING, STARTS = range(4)  # the last: ticks before friction is learned
-
-# Rows of `TickOutput.rows`.
-OUT_TAU, OUT_V_R, OUT_A_R, OUT_E1, OUT_E2, OUT_S, OUT_U, OUT_Q_E, OUT_V_E = range(9)
-OUT_ROWS = 9
-
 # Rows of `TickSpace.rows`.
 _BIAS, _DA, _OMEGA, _FRICTION, _V, _TORQUE, _X, _A = range(8)
-
-
-class HardwareTables(NamedTuple):
-    """Everything of a controller.
-
-    Attributes:
-        arm: Its arm.
-        joints: What there is of every joint, shape (9, nv).
-        filter: What takes (q_e, v_e, tau_ext) to a_e and the next q_e and v_e, one row a joint, shape (nv, 9).
-        numbers: Period, ratio of bandwidths, forgetting, and when learning starts, shape (4,).
-    """
-
-    arm: ArmTables
-    joints: Array
-    filter: Array
-    numbers: Array
-
-
-class TickMemory(NamedTuple):
-    """The state, which a tick overwrites; see `HardwareState`."""
-
-    q: Array
-    rows: Array
-    pending: Array
-
-
-class TickOutput(NamedTuple):
-    """What a tick computes, shape (`OUT_ROWS`, nv), and q_r, shape (nq,)."""
-
-    rows: Array
-    q_r: Array
-
-
-class TickSpace(NamedTuple):
-    """Work space: nothing in it outlives a tick."""
-
-    recursions: Workspace
-    M: Array
-    factor: Array
-    rows: Array
-    q: Array
-
-
-class RealtimeWords(NamedTuple):
-    """What the tick of a real-time loop reads and writes besides its arguments."""
-
-    tables: HardwareTables
-    space: TickSpace
-    before: TickMemory
-    after: TickMemory
-    out: TickOutput
-    tau: Array
-
-
-class HardwareWords(NamedTuple):
-    """What the entry point reads and writes besides its arguments."""
-
-    tables: HardwareTables
-    space: TickSpace
-
-
-def tick_space(nq: int, nv: int) -> TickSpace:
-    """Return work space for arms of this size."""
-    M, factor = np.zeros((2, nv, nv))
-    return TickSpace(workspace(nv), M, factor, np.zeros((8, nv)), np.zeros(nq))
-
-
-def tick_output(nq: int, nv: int) -> TickOutput:
-    """Return a place for what a tick computes."""
-    return TickOutput(np.empty((OUT_ROWS, nv)), np.empty(nq))
-
-
-def hardware_tables(controller: Any, arm: ArmTables) -> HardwareTables | None:
-    """Return a controller as tables; None where its filter couples the joints, or is not linear.
-
-    Args:
-        controller: A `HardwareController`.
-        arm: Tables of its arm.
-    """
-    target, nv = controller._filter, controller.arm.nv
-    if type(target) is not ImpedanceFilter:
-        return None
-    maps = target.maps().reshape(3, nv, 3, nv)
-    diagonal = np.einsum("ijkj->jik", maps)
-    if np.count_nonzero(maps) != np.count_nonzero(diagonal):
-        return None
-    gate, lag, limits = controller.gate, controller.observer._lag, controller.limits
-    none = np.full(nv, np.inf)
-    effort, step = (none, none) if limits is None else (limits.effort, limits.rate * controller.dt)
-    joints = np.array(
-        [
-            *(gate.low, gate.high, gate.threshold, gate.falls, *lag, controller.k2),
-            *(np.broadcast_to(effort, nv), np.broadcast_to(step, nv)),
-        ]
-    )
-    starts = controller.learning_starts
-    numbers = np.array([controller.dt, gate.ratio, controller.learner.forgetting, starts])
-    return HardwareTables(arm, joints, np.ascontiguousarray(diagonal.reshape(nv, 9)), numbers)
-
-
-UNSOUND, EXCEEDED, SENT = 0, 1, 2
-"""How a tick ended: at inputs that are not sound, at a torque beyond a limit, or with a torque."""
-
-
-@functools.cache
-def hardware_kernel() -> Callable[..., Any]:
-    """Compile the tick, or load it from the disk."""
-    vectors = (VECTOR_IN, VECTOR_IN, VectorsArgument(Reference, VECTOR_IN), VECTOR_IN)
-    memory = (OWN_VECTOR, OWN_MATRIX, OWN_MATRIX)
-    return kernel(_entry, (_WORDS, types.int64, *vectors, *memory, *memory, OWN_MATRIX, OWN_VECTOR))
-
-
-_TABLES = types.NamedTuple((ARM, OWN_MATRIX, OWN_MATRIX, OWN_VECTOR), HardwareTables)
-_SPACE = types.NamedTuple((SPACE, *[OWN_MATRIX] * 3, OWN_VECTOR), TickSpace)
-_WORDS = Held(types.NamedTuple((_TABLES, _SPACE), HardwareWords))
-
-
-_MEMORY = types.NamedTuple((OWN_VECTOR, OWN_MATRIX, OWN_MATRIX), TickMemory)
-_OUT = types.NamedTuple((OWN_MATRIX, OWN_VECTOR), TickOutput)
-_REALTIME = Held(
-    types.NamedTuple((_TABLES, _SPACE, _MEMORY, _MEMORY, _OUT, OWN_VECTOR), RealtimeWords)
-)
-
-
-@functools.cache
-def realtime_kernel() -> Callable[..., Any]:
-    """Compile the tick of a real-time loop, or load it from the disk."""
-    vectors = (VECTOR_IN, VECTOR_IN, VectorsArgument(Reference, VECTOR_IN), VECTOR_IN)
-    return kernel(_realtime_entry, (_REALTIME, types.int64, *vectors))
-
-
-def _entry(  # noqa: PLR0913 (a state, and the next one)
-    words: Any,
-    ticks: int,
-    q: Array,
-    v: Array,
-    reference: Any,
-    tau_ext: Array,
-    q_before: Array,
-    rows_before: Array,
-    pending_before: Array,
-    q_hat: Array,
-    rows: Array,
-    pending: Array,
-    out: Array,
-    q_r: Array,
-) -> int:
-    tables, space = opened_words(words)
-    given = TickInputs(q, v, reference[0], reference[1], reference[2], tau_ext)
-    before = TickMemory(q_before, rows_before, pending_before)
-    after, output = TickMemory(q_hat, rows, pending), TickOutput(out, q_r)
-    return _whole(tables, space, ticks, given, before, after, output)
-
-
-def _realtime_entry(
-    words: Any, ticks: int, q: Array, v: Array, reference: Any, tau_ext: Array
-) -> int:
-    tables, space, before, after, out, tau = opened_words(words)
-    given = TickInputs(q, v, reference[0], reference[1], reference[2], tau_ext)
-    ending = _whole(tables, space, ticks, given, before, after, out)
-    if ending == SENT:
-        for j in range(len(tau)):
-            tau[j] = out.rows[OUT_TAU, j]
-    return ending
-
-
-@routine
-def _whole(
-    tables: HardwareTables,
-    space: TickSpace,
-    ticks: int,
-    given: TickInputs,
-    before: TickMemory,
-    after: TickMemory,
-    out: TickOutput,
-) -> int:
-    """A tick on a copy of the state, which is kept as it was."""
-    if not is_sound(tables.arm, given):
-        return UNSOUND
-    for i in range(len(after.q)):
-        after.q[i] = before.q[i]
-    for j in range(after.rows.shape[1]):
-        for i in range(len(after.rows)):
-            after.rows[i, j] = before.rows[i, j]
-        for i in range(len(after.pending)):
-            after.pending[i, j] = before.pending[i, j]
-    return SENT if hardware_tick(tables, space, ticks, given, after, out) else EXCEEDED
 
 
 @routine
@@ -464,48 +282,3 @@ def _friction(rows: Array, j: int, v_r: float) -> float:
     dry, viscous = rows[PARAMETERS, j], rows[PARAMETERS + 1, j]
     torque: float = friction_torque(dry, viscous, rows[PARAMETERS + 2, j], v_r, REFERENCE_SMOOTHING)
     return torque
-
-
-@inline
-def difference(arm: ArmTables, j: int, q0: Array, q1: Array) -> float:
-    """Entry j of q1 (-) q0."""
-    i = arm.topology[j, Q_INDEX]
-    if arm.topology[j, KIND] == CONTINUOUS:
-        return angle_between(q0[i], q0[i + 1], q1[i], q1[i + 1])
-    step: float = q1[i] - q0[i]
-    return step
-
-
-@inline
-def add_step(arm: ArmTables, j: int, q: Array, step: float, q_next: Array) -> None:
-    """Write entry j of q (+) step; q_next may be q."""
-    i = arm.topology[j, Q_INDEX]
-    if arm.topology[j, KIND] == CONTINUOUS:
-        q_next[i], q_next[i + 1] = add_angle(q[i], q[i + 1], step)
-    else:
-        q_next[i] = q[i] + step
-
-
-@inline
-def factorize(M: Array, L: Array) -> None:
-    """Write the Cholesky factor of M."""
-    for i in range(len(M)):
-        for j in range(i + 1):
-            entry = M[i, j]
-            for k in range(j):
-                entry -= L[i, k] * L[j, k]
-            L[i, j] = entry / L[j, j] if j < i else math.sqrt(entry)
-
-
-@inline
-def solve(L: Array, x: Array) -> None:
-    """Replace x by the solution y of L·Lᵀ·y = x."""
-    n = len(x)
-    for i in range(n):
-        for k in range(i):
-            x[i] -= L[i, k] * x[k]
-        x[i] /= L[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            x[i] -= L[k, i] * x[k]
-        x[i] /= L[i, i]

@@ -18,26 +18,21 @@ from ..._numba.compile import inline, kernel, routine
 from ..._numba.layouts.tables import Held
 from ..._numba.layouts.tables import opened as opened_words
 from ..._numba.single_source import compiled
-from ...control.compiled.hardware_tick import (
+from ...control.compiled.hardware_kernels import SENT, UNSOUND
+from ...control.compiled.hardware_tables import (
     OUT_A_R,
     OUT_E1,
     OUT_E2,
     OUT_S,
     OUT_TAU,
-    SENT,
-    UNSOUND,
     HardwareTables,
     TickMemory,
     TickOutput,
     TickSpace,
-    add_step,
-    difference,
-    factorize,
-    hardware_tick,
-    lagged,
-    solve,
 )
+from ...control.compiled.hardware_tick import hardware_tick, lagged
 from ...control.compiled.law import TickInputs
+from ...control.compiled.manifold import add_step, difference, factorize, solve
 from ...control.compiled.tick import is_sound
 from ...robot.compiled import rigid_body
 from ...robot.compiled.dynamics import ARM, OWN_MATRIX, OWN_VECTOR, SPACE, VECTOR_IN

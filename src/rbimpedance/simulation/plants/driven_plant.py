@@ -165,10 +165,8 @@ class DrivenPlant:
         )
         set_fields(self, links=self._behind_springs(links))
         usual = usual_damping(self.arm, self.stiffness, self.rotor_inertia)
-        set_fields(
-            self,
-            damping=not_negative("damping", usual if damping is None else damping, arm.nv),
-        )
+        damping = usual if damping is None else damping
+        set_fields(self, damping=not_negative("damping", damping, arm.nv))
 
     @classmethod
     def for_(cls, hardware: Hardware, arm: ArmModel, dt: float = 1e-3) -> DrivenPlant:
