@@ -123,12 +123,6 @@ def _sources() -> str:
         *("_numba/**/*.py", "law/*.py", "*/compiled/*.py"),
         *("control/estimation/*.py", "simulation/plants/dry_friction.py"),
     )
-        *("_numba/**/*.py", "law/*.py", "*/compiled/*.py"),
-        *("control/estimation/*.py", "simulation/plants/dry_friction.py"),
-    )
-        *("_numba/**/*.py", "law/*.py", "*/compiled/*.py"),
-        *("control/estimation/*.py", "simulation/plants/dry_friction.py"),
-    )
     files = sorted(file for pattern in patterns for file in package.glob(pattern))
     places = sorted(str(file.relative_to(package)) for file in package.rglob("*.py"))
     found = [*(file.read_bytes() for file in files), *map(str.encode, places)]

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..._common.arrays import Array
 from ..._numba.compile import inline, routine
-from ..._numba.single_source import compiled
+from ..._numba.formulas import helper
 from ...law import observed_law
 from ...law.lag import lagged as lagged_formula
 from ...robot.compiled import rigid_body
@@ -61,14 +61,14 @@ from .hardware_tables import (
 from .law import TickInputs
 from .manifold import add_step, difference, factorize, solve
 
-correction = compiled(extended_state.correction)
-moved = compiled(extended_state.moved)
-filtered_innovation = compiled(noise_gate.filtered_innovation)
-opened = compiled(noise_gate.opened)
-friction_torque = compiled(friction_learning.friction_torque)
-learned = compiled(friction_learning.learned)
-commanded = compiled(observed_law.commanded)
-lagged = compiled(lagged_formula)
+correction = helper(extended_state.correction)
+moved = helper(extended_state.moved)
+filtered_innovation = helper(noise_gate.filtered_innovation)
+opened = helper(noise_gate.opened)
+friction_torque = helper(friction_learning.friction_torque)
+learned = helper(friction_learning.learned)
+commanded = helper(observed_law.commanded)
+lagged = helper(lagged_formula)
 
 # Rows of `TickSpace.rows`.
 _BIAS, _DA, _OMEGA, _FRICTION, _V, _TORQUE, _X, _A = range(8)

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from ..._common.arrays import Array
 from ..._numba.compile import inline, kernel, routine
+from ..._numba.formulas import helper
 from ..._numba.layouts.tables import Held
 from ..._numba.layouts.tables import opened as opened_words
-from ..._numba.single_source import compiled
 from ...control.compiled.hardware_kernels import SENT, UNSOUND
 from ...control.compiled.hardware_tables import (
     OUT_A_R,
@@ -42,8 +42,8 @@ from ..plants import dry_friction
 from .environment import Environment, environment_torque
 from .loop import ReferenceSamples, own_type, runaway
 
-rub = compiled(dry_friction.rub)
-sliding_friction = compiled(dry_friction.sliding_friction)
+rub = helper(dry_friction.rub)
+sliding_friction = helper(dry_friction.sliding_friction)
 
 # Rows of `DriveTables.joints`.
 DECAY, MEAN, RIPPLE, COGGING, PERIODS, COULOMB, VISCOUS = range(7)
