@@ -5,7 +5,7 @@
 Writes docs/figures/hardware_laws.json, and the tables about it in docs/hardware-limits.md. Every linear law is tuned
 per arm and encoder over a grid of twelve settings for the least error at no more than twice the torque variation of
 perfect sensing; ours is what `propose_gains` proposes. `--only` measures some parts, `--every 2` takes half
-of the settings.
+of the settings, `--bits 17 19 24` tunes them for these encoders.
 """
 
 from __future__ import annotations
@@ -161,10 +161,8 @@ def needed(case: Case, ripple: float, length: float = LENGTH) -> float:
     return float(run(case, law, hardware, case.motion(), length=length)["variation"])
 
 
-def ours(
-    case: Case, hardware: rbi.Hardware, length: float = LENGTH
-) -> tuple[Any, rbi.HardwareProposal]:
-    """What is proposed, behind the encoders."""
+def ours(case: Case, hardware: rbi.Hardware, length: float = LENGTH) -> rbi.HardwareProposal:
+    """What is proposed."""
     proposal = rbi.propose_gains(
         case.arm(),
         case.unknown(),
@@ -175,7 +173,26 @@ def ours(
         q0=np.array(case.arm().neutral),
     )
     assert isinstance(proposal, rbi.HardwareProposal)
-    return rbi.QuantizedEncoders.for_(hardware, proposal.controller(TARGET)), proposal
+    return proposal
+
+
+def our_run(
+    case: Case, hardware: rbi.Hardware, length: float = LENGTH, *, is_still: bool = False
+) -> dict[str, Any]:
+    """What the proposal makes of the heaviest plant, in motion and at rest; the reason where it is refused."""
+    proposal = ours(case, hardware, length)
+    if not proposal.feasible:
+        return {"refused": proposal.reason}
+    law = rbi.QuantizedEncoders.for_(hardware, proposal.controller(TARGET))
+    if is_still:
+        return run(case, law, hardware, case.still(), None)
+    return run(case, law, hardware, case.motion(), length=length) | {
+        "still": run(case, law, hardware, case.still(), None)["variation"]
+        if not hardware.is_elastic
+        else None,
+        "quiet_bandwidth": proposal.bandwidths.quiet,
+        "alert_bandwidth": proposal.bandwidths.alert,
+    }
 
 
 def tuned(
@@ -201,12 +218,6 @@ def laws(name: str, bits: int, stride: int, said: Callable[[], None]) -> dict[st
     found["default, differences"] = run(case, usual, hardware, case.motion())
     for label, grid in GRIDS.items():
         found[label] = tuned(case, hardware, grid[::stride], said)
-    controller, proposal = ours(case, hardware)
-    found["ours"] = run(case, controller, hardware, case.motion()) | {
-        "quiet_bandwidth": proposal.bandwidths.quiet,
-        "alert_bandwidth": proposal.bandwidths.alert,
-    }
-    found["still"] = run(case, controller, hardware, case.still(), None)["variation"]
     return found
 
 
@@ -216,9 +227,7 @@ def ranges(name: str) -> Iterator[tuple[str, dict[str, Any]]]:
         case = Case(name, changes.get("coulomb", COULOMB))
         more = {key: value for key, value in changes.items() if key != "coulomb"}
         hardware = rbi.Hardware(**({"encoder_bits": 19, **USUAL} | more))
-        controller, _ = ours(case, hardware)
-        found = run(case, controller, hardware, case.motion())
-        yield label, found | {"need": needed(case, float(hardware.ripple))}
+        yield label, our_run(case, hardware) | {"need": needed(case, float(hardware.ripple))}
 
 
 def springs(name: str) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -226,26 +235,28 @@ def springs(name: str) -> Iterator[tuple[str, dict[str, Any]]]:
     for rotor in ROTORS:
         case = Case(name, rotor=rotor)
         hardware = rbi.Hardware(**({"encoder_bits": 19, **USUAL} | SPRINGS))
-        controller, proposal = ours(case, hardware, SHORT)
-        found = run(case, controller, hardware, case.motion(), length=SHORT)
         need = needed(case, USUAL["ripple"], SHORT)
-        yield str(rotor), found | {"need": need, "feasible": proposal.feasible}
+        yield str(rotor), our_run(case, hardware, SHORT) | {"need": need}
 
 
-def standing(name: str) -> dict[str, float]:
+def standing(name: str) -> dict[str, Any]:
     """Torque variation at rest with friction that rises by half, on encoders of 17 bits."""
-    case, hardware = Case(name), rbi.Hardware(**({"encoder_bits": 17, **USUAL} | {"stribeck": 0.5}))
-    controller, _ = ours(case, hardware)
-    return run(case, controller, hardware, case.still(), None)
+    hardware = rbi.Hardware(**({"encoder_bits": 17, **USUAL} | {"stribeck": 0.5}))
+    return our_run(Case(name), hardware, is_still=True)
 
 
-def one_arm(name: str, stride: int, parts: set[str], said: Callable[[], None]) -> dict[str, Any]:
+def one_arm(
+    name: str, stride: int, bits: Sequence[int], parts: set[str], said: Callable[[], None]
+) -> dict[str, Any]:
     """Everything of one arm."""
     found: dict[str, Any] = {"need": needed(Case(name), USUAL["ripple"])}
-    if "laws" in parts:
-        found["laws"] = {str(b): laws(name, b, stride, said) for b in BITS}
-    if "still" in parts:
+    if "ours" in parts:
+        found["ours"] = {
+            str(b): our_run(Case(name), rbi.Hardware(encoder_bits=b, **USUAL)) for b in BITS
+        }
         found["standing"] = standing(name)
+    if "laws" in parts:
+        found["laws"] = {str(b): laws(name, b, stride, said) for b in bits}
     if "springs" in parts:
         found["springs"] = dict(springs(name))
     if "ranges" in parts:
@@ -260,7 +271,8 @@ def main() -> None:
     parser.add_argument(
         "--every", type=int, default=1, help="take every so many settings of a grid"
     )
-    parser.add_argument("--only", nargs="*", default=["laws", "still", "springs", "ranges"])
+    parser.add_argument("--bits", nargs="*", type=int, default=[19], help="of the linear laws")
+    parser.add_argument("--only", nargs="*", default=["ours", "laws", "springs", "ranges"])
     parser.add_argument("--out", type=Path, default=pages.FIGURES)
     parser.add_argument("--docs", type=Path, default=pages.DOCS, help="folder of the page")
     parser.add_argument("--draw", action="store_true", help="only tabulate what is there")
@@ -269,12 +281,14 @@ def main() -> None:
     path = asked.out / "hardware_laws.json"
     rows = json.loads(path.read_text("utf-8")) if path.exists() else {}
     stride = asked.every
-    runs = len(BITS) * sum(len(grid[::stride]) for grid in GRIDS.values())
+    runs = len(asked.bits) * sum(len(grid[::stride]) for grid in GRIDS.values())
     if not asked.draw:
         with bar() as progress:
             task = progress.add_task("runs", total=runs * len(asked.arms))
             for name in asked.arms:
-                found = one_arm(name, stride, set(asked.only), lambda: progress.advance(task))
+                found = one_arm(
+                    name, stride, asked.bits, set(asked.only), lambda: progress.advance(task)
+                )
                 rows[name] = rows.get(name, {}) | pages.plain(found)
                 rows = {each: rows[each] for each in ARMS if each in rows}
                 path.write_text(json.dumps(rows, indent=1) + "\n", "utf-8")

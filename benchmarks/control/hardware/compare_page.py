@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from benchmarks.pages import markdown
 
 Rows = Mapping[str, Mapping[str, Any]]
@@ -17,67 +19,84 @@ LABELS = (
     "ours",
 )
 
+QUIET = 2.1
+"""Largest multiple of the needed torque variation that counts as quiet, rounding included."""
+
 
 def tables(rows: Rows) -> dict[str, str]:
     """Every table by its place."""
     return {
+        "hardware-ours": _ours(rows),
         "hardware-laws": _laws(rows),
-        "hardware-ranges": _ranges(rows),
+        "hardware-ranges": _by_arm(rows, "ranges", "hardware"),
         "hardware-standing": _standing(rows),
-        "hardware-springs": _springs(rows),
+        "hardware-springs": _by_arm(rows, "springs", "rotors [kg·m²]"),
     }
+
+
+def _with(rows: Rows, part: str) -> dict[str, Mapping[str, Any]]:
+    return {name: row for name, row in rows.items() if part in row}
+
+
+def _ours(rows: Rows) -> str:
+    measured = _with(rows, "ours")
+    bits = list(next(iter(measured.values()))["ours"])
+    lines = [
+        (name, *(_cell(row["ours"][b], row["need"]) for b in bits))
+        for name, row in measured.items()
+    ]
+    return markdown(("arm", *(f"{b} bits" for b in bits)), lines)
 
 
 def _laws(rows: Rows) -> str:
     lines = []
-    for name, row in rows.items():
+    for name, row in _with(rows, "laws").items():
         for bits, found in row["laws"].items():
-            quiet = [label for label in LABELS if _ratio(found[label], row) <= 2.1]
-            best = min(quiet, key=lambda label: found[label]["error"])
-            cells = [_bold(_cell(found[label], row["need"]), label == best) for label in LABELS]
+            runs = found | {"ours": row["ours"][bits]}
+            quiet = [label for label in LABELS if _ratio(runs[label], row) <= QUIET]
+            best = min(quiet, key=lambda label: runs[label]["error"])
+            cells = [_bold(_cell(runs[label], row["need"]), label == best) for label in LABELS]
             lines.append((name, bits, *cells))
     return markdown(("arm", "bits", *LABELS), lines)
 
 
-def _ranges(rows: Rows) -> str:
-    measured = {name: row["ranges"] for name, row in rows.items() if "ranges" in row}
+def _by_arm(rows: Rows, part: str, title: str) -> str:
+    measured = {name: row[part] for name, row in _with(rows, part).items()}
     labels = list(next(iter(measured.values())))
     lines = [
         (label, *(_cell(found[label], found[label]["need"]) for found in measured.values()))
         for label in labels
     ]
-    return markdown(("hardware", *measured), lines)
+    return markdown((title, *measured), lines)
 
 
 def _standing(rows: Rows) -> str:
+    measured = _with(rows, "ours")
+    bits = list(next(iter(measured.values()))["ours"])
     lines = [
         (
             name,
-            *(f"{found['still']:.2g}" for found in row["laws"].values()),
-            f"{row['standing']['variation']:.2g}",
+            *(_variation(row["ours"][b], "still") for b in bits),
+            _variation(row["standing"], "variation"),
         )
-        for name, row in rows.items()
+        for name, row in measured.items()
     ]
-    bits = [f"{b} bits" for b in next(iter(rows.values()))["laws"]]
-    return markdown(("arm", *bits, "17 bits, friction 50 % higher at rest"), lines)
+    header = ("arm", *(f"{b} bits" for b in bits), "17 bits, friction 50 % higher at rest")
+    return markdown(header, lines)
 
 
-def _springs(rows: Rows) -> str:
-    measured = {name: row["springs"] for name, row in rows.items() if "springs" in row}
-    rotors = list(next(iter(measured.values())))
-    lines = [
-        (name, *(_cell(found[rotor], found[rotor]["need"]) for rotor in rotors))
-        for name, found in measured.items()
-    ]
-    return markdown(("arm", *(f"rotors of {rotor} kg·m²" for rotor in rotors)), lines)
+def _variation(run: Mapping[str, Any], key: str) -> str:
+    return "refused" if "refused" in run else f"{run[key]:.2g}"
 
 
 def _ratio(run: Mapping[str, Any], row: Mapping[str, Any]) -> float:
-    return float(run["variation"]) / float(row["need"])
+    return np.inf if "refused" in run else float(run["variation"]) / float(row["need"])
 
 
 def _cell(run: Mapping[str, Any], need: float) -> str:
     """Error in mrad, and the torque variation over what is needed."""
+    if "refused" in run:
+        return "refused"
     if run["error"] == float("inf"):
         return "lost"
     return f"{_short(1e3 * run['error'])} ({_short(run['variation'] / need)})"

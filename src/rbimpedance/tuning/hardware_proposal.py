@@ -44,7 +44,7 @@ _JUMP_TARGET = 0.35  # of the accuracy: a jump comes on top of the rest
 _LEAST_FRICTION = 0.5  # N·m that a joint is prepared for where none is stated
 _K2_OVER_MISMATCH = 60.0  # reversals stay in the linear zone of the reaching term
 _LATE = 0.4  # share of the run after which errors and variation are taken
-_ROUNDS = 3
+_ROUNDS = 6
 
 
 class HardwareRun(NamedTuple):
