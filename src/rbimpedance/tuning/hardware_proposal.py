@@ -36,7 +36,7 @@ from .worst_case import true_error
 BEST = 2e-3
 """Accuracy that is aimed at where none is requested [rad or m]."""
 
-LOUDEST = 2.0
+LOUDEST = 2.5
 """A torque that varies by more than this times what the motion needs, and by 2 N·m/s more, is too loud."""
 
 _FLOOR = 2.0  # N·m/s
