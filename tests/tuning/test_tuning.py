@@ -40,7 +40,10 @@ def propose(
 ) -> GainProposal:
     """A proposal; remedies are tried only where a test asks for them."""
     settings: dict[str, Any] = {"remedy_time": 0.0} | more
-    return propose_gains(arm, uncertainty, swing(arm), dt, duration=3.0, samples=8, **settings)
+    proposal: GainProposal = propose_gains(
+        arm, uncertainty, swing(arm), dt, duration=3.0, samples=8, **settings
+    )
+    return proposal
 
 
 @pytest.fixture(scope="module")
@@ -483,7 +486,10 @@ def swing_soon(arm: rbi.ArmModel) -> Trajectory:
 def propose_within(arm: rbi.ArmModel, limits: Any, **changes: Any) -> GainProposal:
     settings: dict[str, Any] = {"uncertainty": UNKNOWN, "trajectory": swing_soon(arm)}
     settings |= {"remedy_time": 0.0} | changes
-    return propose_gains(arm, dt=DT, duration=3.0, samples=8, limits=limits, **settings)
+    proposal: GainProposal = propose_gains(
+        arm, dt=DT, duration=3.0, samples=8, limits=limits, **settings
+    )
+    return proposal
 
 
 @pytest.fixture(scope="module")

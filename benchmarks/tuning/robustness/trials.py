@@ -49,7 +49,8 @@ def propose(
     arm: rbi.ArmModel, unknown: Uncertainty, trajectory: Trajectory, dt: float = DT, **more: Any
 ) -> GainProposal:
     """The library's proposal, with the backend of this run."""
-    return propose_gains(arm, unknown, trajectory, dt, **SIMULATION, **more)
+    proposal: GainProposal = propose_gains(arm, unknown, trajectory, dt, **SIMULATION, **more)
+    return proposal
 
 
 def knowing(plant: rbi.ArmModel, trajectory: Trajectory) -> dict[str, float]:

@@ -149,14 +149,18 @@ def simulate(  # noqa: PLR0913 (what acts on a run, each given by name)
 
 
 def _on_hardware(
-    controller: Controller[Any], plant: ArmModel | Plant[Any], hardware: Hardware
-) -> tuple[Controller[Any], DrivenPlant]:
+    controller: Controller[Any] | CartesianControllerBase[Any],
+    plant: ArmModel | Plant[Any],
+    hardware: Hardware,
+) -> tuple[Controller[Any] | CartesianControllerBase[Any], DrivenPlant]:
     """The controller behind the encoders, and the arm behind the drives."""
     if not isinstance(plant, ArmModel):
         raise ParameterError("plant", plant, "an ArmModel where hardware is given")
     driven = DrivenPlant.for_(hardware, plant, controller.dt)
     if hardware.encoder_bits is None:
         return controller, driven
+    if isinstance(controller, CartesianControllerBase):
+        raise ParameterError("hardware", hardware, "without encoder_bits for a law at the tool")
     return QuantizedEncoders.for_(hardware, controller), driven
 
 

@@ -155,7 +155,7 @@ def _correct(tables: HardwareTables, space: TickSpace, q: Array, memory: TickMem
 def _track(
     tables: HardwareTables, space: TickSpace, given: TickInputs, memory: TickMemory, out: TickOutput
 ) -> None:
-    """Impedance filter and reference (paper, eqs. 3 and 4), and the learned friction along it."""
+    """Impedance filter and reference (eqs. (3) and (4)), and the learned friction along it."""
     arm, F, rows, o = tables.arm, tables.filter, memory.rows, out.rows
     for j in range(rows.shape[1]):
         x, v, t = rows[Q_E, j], rows[V_E, j], given.tau_ext[j]
