@@ -24,6 +24,7 @@ from rbimpedance.trajectories import Reference, cosine, hold
 
 from .. import laws
 from ..arms import pendulum, spinner
+from ..isolation import fresh_python
 
 Array = NDArray[np.float64]
 DT = 1e-3
@@ -553,3 +554,18 @@ def test_law_itself_gives_a_finite_torque_or_a_typed_error(inputs: Any) -> None:
     ]
     if max(sizes) < 1e6:
         _assert_sound(output)
+
+
+def test_warmed_up_guard_compiles_nothing_at_its_first_tick() -> None:
+    said = fresh_python(
+        "import numpy as np, rbimpedance as rbi\n"
+        "from numba.core import event\n"
+        "arm = rbi.load_robot('two_link')\n"
+        "guard = rbi.FaultGuard(rbi.SoftStart(rbi.ImpedanceController(arm)), 'stop')\n"
+        "guard.warm_up()\n"
+        "zero, hold = np.zeros(2), rbi.trajectories.hold(arm)(0.0)\n"
+        "with event.install_recorder('numba:compile') as recorder:\n"
+        "    guard.step(guard.init(), hold.q, zero, hold, zero)\n"
+        "print(len(recorder.buffer))\n"
+    )
+    assert said.stdout.strip() == "0"

@@ -18,6 +18,7 @@ from rbimpedance.control.compiled.block import Packed
 from rbimpedance.control.guards.energy_tank import EnergyTank
 from rbimpedance.control.guards.fault_guard import FaultGuard
 from rbimpedance.control.guards.reference_guard import ReferenceGuard
+from rbimpedance.control.imperfect import ImperfectController
 from rbimpedance.control.snapshot import (
     SnapshotError,
     dump,
@@ -47,6 +48,7 @@ CONTROLLERS: dict[str, Any] = {
     "reference guard": lambda: ReferenceGuard(law()),
     "energy tank": lambda: EnergyTank(law()),
     "fault guard": lambda: FaultGuard(law(), "hold"),
+    "delayed measurements": lambda: ImperfectController(law(), delay=2, velocity_noise=1e-3),
     "all guards": lambda: FaultGuard(EnergyTank(law()), "stop"),
 }
 

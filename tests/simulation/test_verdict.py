@@ -124,6 +124,13 @@ def test_run_that_only_looks_like_it_has_not_failed(channels: dict[str, Any]) ->
     assert str(verdict).startswith("within its limits")
 
 
+LIFT = """<robot name="lift"><link name="base"/>
+  <joint name="lift" type="prismatic"><parent link="base"/><child link="tray"/><axis xyz="0 0 1"/>
+    <limit lower="0" upper="1" effort="200" velocity="1"/></joint>
+  <link name="tray"><inertial><mass value="1"/>
+    <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link></robot>"""
+
+
 def test_all_reasons_are_in_one_sentence() -> None:
     verdict = run(e1=np.full(801, 0.3), tau=np.full(801, 11.0), q=np.full(801, 0.0)).verdict()
     assert str(verdict) == (
@@ -256,3 +263,34 @@ def test_verdict_survives_the_file(panda: rbi.ArmModel, tmp_path: Any) -> None:
     )  # fmt: skip
     read = rbi.SimulationResult.load(result.save(tmp_path / "run"))
     assert str(read.verdict()) == str(result.verdict())
+
+
+def test_spring_without_a_sensor_that_yields_as_it_should_has_not_failed() -> None:
+    arm = rbi.load_robot("two_link")
+    spring, hold = (
+        rbi.CompliantController(arm, stiffness=20.0),
+        rbi.trajectories.hold(arm, [0.4, 1.2]),
+    )
+    push = [10.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    pushed = rbi.simulate(spring, arm, hold, environment=push, duration=3.0)
+    assert abs(pushed.e1[-1]).max() > 0.1  # it gives way, and stays there
+    assert not pushed.verdict().failed
+    sagging = rbi.simulate(spring, arm.with_payload(1.0), hold, duration=3.0)
+    assert sagging.verdict().failed  # nothing pushed
+
+
+def test_truth_of_a_verdict_is_that_the_run_did_not_fail() -> None:
+    arm = rbi.load_robot("two_link")
+    good = rbi.simulate(rbi.ImpedanceController(arm), arm, rbi.trajectories.hold(arm), duration=0.1)
+    assert good.verdict()
+    assert good.verdict().failed is False
+
+
+def test_error_of_a_sliding_joint_is_large_from_a_centimetre_on() -> None:
+    arm = rbi.load_robot(LIFT)
+    weak = rbi.baselines.PDGravity(arm, rbi.Impedance(1.0, 40.0, 400.0), dt=1e-3)
+    hold = rbi.trajectories.hold(arm)
+    sags = rbi.simulate(weak, arm.with_payload(1.0), hold, duration=4.0).verdict()
+    assert [finding.kind for finding in sags.findings] == ["error"]
+    assert "0.0245 m from its reference" in str(sags)  # m·g/k, closed form
+    assert rbi.simulate(weak, arm.with_payload(0.2), hold, duration=4.0).verdict()  # 5 mm

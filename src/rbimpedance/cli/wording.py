@@ -84,7 +84,7 @@ _RULES: Sequence[_Rule] = (
     (r"(?<![\w-])(?P<name>\w+)(?= must be| puts joint)", _option_of),
     (r"\bcenter ± amplitude\b|(?<=center ± )--amplitude", "--amplitude"),
     (r"\bcenter ± (?=--amplitude)", "--center ± "),
-    (r"(?<![\w-])(?P<name>[a-z_0-9]+)=(?:True|False|None)?(?![\w=])", _option_of),
+    (r"(?<![\w-])(?P<name>[a-z_0-9]+)=(?:True|False|None)?(?![\w=\"])", _option_of),
 )  # fmt: skip
 
 

@@ -140,14 +140,6 @@ class ImpedanceController(ControllerBase[ControllerState, ControllerOutput]):
         set_fields(self, **state)
         self._choose_form()
 
-    def warm_up(self) -> None:
-        """Take one tick and forget it, so that the first one of a run is no slower than the rest.
-
-        Everything is compiled, or loaded from the disk, when the controller is made.
-        """
-        zero, q = np.zeros(self.arm.nv), self.arm.neutral
-        self.step(self.init(), q, zero, Reference(q, zero, zero), zero)
-
     def init(self) -> ControllerState:
         """Return the state before the first tick: filter at rest, integral zero."""
         return self._form.init()

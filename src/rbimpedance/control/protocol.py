@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Generic, Literal, NamedTuple, Protocol, TypeVar
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array
@@ -127,6 +128,15 @@ class ControllerBase(ABC, Generic[StateT, OutputT]):
         if period is not None:
             state = self.elapsed(state, period)
         return self._step(state, Measured(q, v, reference, tau_ext))
+
+    def warm_up(self: Controller[StateT]) -> None:
+        """Take one tick and forget it, so that the first one of a run is no slower than the rest.
+
+        Wrappers warm up what is inside them: call it on the outermost controller, before the loop. What has to be
+        compiled, or loaded from the disk, is compiled here or when the controller is made.
+        """
+        zero, q = np.zeros(self.arm.nv), self.arm.ready
+        self.step(self.init(), q, zero, Reference(q, zero, zero), zero)
 
     def elapsed(self, state: StateT, period: float) -> StateT:
         """Return the state at a tick that comes a measured time after the one before, instead of dt after it.

@@ -22,6 +22,7 @@ from ..exceptions import RBImpedanceError
 from ..robot.arm_model import ArmModel
 from .compiled.block import Packed
 from .guards.faults import Fault
+from .imperfect import Measurement
 from .protocol import Controller, StateT
 from .provenance import provenance
 
@@ -174,8 +175,8 @@ def _checksum(body: str) -> str:
 
 
 def _kinds(template: Any) -> Iterator[type]:
-    """The classes of all named tuples that a state may hold; one of a guard may say why it is active."""
-    yield Fault
+    """The classes of all named tuples that a state may hold: a guard has its fault, a delay its measurements."""
+    yield from (Fault, Measurement)
     template = _plain(template)
     if isinstance(template, tuple):
         if hasattr(template, "_fields"):

@@ -182,17 +182,18 @@ class SimulationResult(RunLog):
 
         The whole run counts. Its start ends when the error has fallen to a tenth, at the latest in its middle.
         Errors are those from the impedance reference, which yields to a push that is measured: an arm that gives way
-        as its target says has none. A run has failed if
+        as its target says has none; a `CompliantController` may yield as far as its spring does. As a truth value it is
+        True for a run that did not fail. A run has failed if
 
         - a joint diverged: the run ended with a `DivergenceError`, whose `result` this is;
         - a joint was more than 0.01 rad or m beyond its position limit, and beyond where it began;
         - its error is large and does not fall: in the last quarter of the run, the root-mean-square of e1 is above
-          0.05 rad or m plus a quarter of the range of the joint's reference, at most 0.5, and above 0.8 times that of
-          the quarter before;
+          0.05 rad or 0.01 m plus a tenth of the range of the joint's reference, at most 0.5, and above 0.8 times that
+          of the quarter before;
         - the pose error of a controller at the tool is large and does not fall: above 0.05 m or rad in the same sense;
-        - a joint deviated far, also where it came back: abs(e1) was above 0.1 rad or m plus half of the range of its
-          reference, at most 0.5, plus 1.5 times the largest error at the start and what half a second of the velocity
-          error there makes. With more than that, the arm was somewhere else than its motion;
+        - a joint deviated far, also where it came back: abs(e1) was above 0.1 rad or 0.02 m plus half of the range of
+          its reference, at most 0.5, plus 1.5 times the largest error at the start and what half a second of the
+          velocity error there makes. With more than that, the arm was somewhere else than its motion;
         - a torque passed the effort limit of its joint: no motor could have done it;
         - a torque was at its limit in more than a tenth of the ticks after the start: the arm needs more than it has;
         - a torque chatters after the start: it varies by more than ten times what its motion needs, with a ripple above

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -14,10 +14,10 @@ from .chatter import chatters, ripple_of
 from .run_log import RunLog
 from .violations import excess, force_unit_of, unit_of
 
-LARGE, LARGEST = 0.05, 0.5
-"""Error that is large where the reference is constant, and where it moves far [rad or m]."""
+LARGE, LARGEST = {"rad": 0.05, "m": 0.01}, 0.5
+"""Error that is large where the reference is constant, by unit, and where it moves far [rad or m]."""
 
-SHARE = 0.25
+SHARE = 0.1
 """Part of the range of a joint's reference by which `LARGE` grows."""
 
 FALLING = 0.8
@@ -26,8 +26,8 @@ FALLING = 0.8
 BEYOND = 0.01
 """Distance beyond a position limit that a joint may have, as on a stop that yields [rad or m]."""
 
-DEVIATION, SHARE_OF_DEVIATION = 0.1, 0.5
-"""Deviation that may be passed through: this much where the reference rests [rad or m], and a part of its range."""
+DEVIATION, SHARE_OF_DEVIATION = {"rad": 0.1, "m": 0.02}, 0.5
+"""Deviation that may be passed through: this much where the reference rests, by unit, and a part of its range."""
 
 AT_THE_START = 1.5, 0.5
 """Factors on the error at the start, and on its rate [s], by which `DEVIATION` grows."""
@@ -81,11 +81,17 @@ class Verdict:
         """Whether there is a reason."""
         return bool(self.findings)
 
+    def __bool__(self) -> bool:
+        """Whether the run did not fail."""
+        return not self.failed
+
     lost = renamed_attribute("lost", "failed")
 
     def __str__(self) -> str:
         if not self.failed:
-            return f"within its limits; its error is {self.error:.2g} rad or m in the last quarter"
+            return (
+                f"within its limits; its rms error is {self.error:.2g} rad or m in the last quarter"
+            )
         return "failed: " + " and ".join(finding.words for finding in self.findings)
 
 
@@ -133,7 +139,8 @@ def _error(result: RunLog, sizes: Array) -> Iterator[Finding]:
     """An error that is large in the last quarter, and does not fall."""
     if len(result.t) < _FEWEST_SAMPLES:
         return
-    large = np.minimum(LARGE + SHARE * _range_of_reference(result), LARGEST)
+    large = np.minimum(_by_unit(result, LARGE) + SHARE * _range_of_reference(result), LARGEST)
+    large += _yields(result)
     stays = ~(sizes[-1] < FALLING * sizes[-2])  # NaN stays
     over = np.where(stays & ~(sizes[-1] <= large), sizes[-1] / large, 0.0)
     if over.max() > 0.0 or np.isnan(over).any():
@@ -154,7 +161,7 @@ def _tool(result: RunLog) -> Iterator[Finding]:
     for columns, unit in ((slice(0, 3), "m"), (slice(3, 6), "rad")):
         error = np.linalg.norm(result.tool.e1[:, columns], axis=1)
         before, last = (np.sqrt(np.mean(x**2)) for x in np.array_split(error, 4)[2:])
-        if not (last <= LARGE or last < FALLING * before):  # NaN is large, and does not fall
+        if not (last <= LARGE["rad"] or last < FALLING * before):  # NaN is large, and does not fall
             words = f"the tool is {error[-1]:.3g} {unit} from its reference, and that does not fall"
             yield Finding("error", "tool", float(result.t[-1]), float(last), words)
 
@@ -162,7 +169,8 @@ def _tool(result: RunLog) -> Iterator[Finding]:
 def _deviation(result: RunLog) -> Iterator[Finding]:
     """An error that was large at some time, though it fell afterwards."""
     often, seconds = AT_THE_START
-    moving = np.minimum(DEVIATION + SHARE_OF_DEVIATION * _range_of_reference(result), LARGEST)
+    moving = _by_unit(result, DEVIATION) + SHARE_OF_DEVIATION * _range_of_reference(result)
+    moving = np.minimum(moving, LARGEST) + _yields(result)
     start = often * np.abs(result.e1[0]).max() + seconds * np.abs(result.e2[0]).max()
     share = np.abs(result.e1) / (moving + start)
     k, joint = np.unravel_index(int(np.argmax(share)), share.shape)
@@ -236,6 +244,21 @@ def _errors_by_quarter(result: RunLog) -> Array:
     return np.array(
         [np.sqrt(np.mean((part if len(part) else result.e1) ** 2, axis=0)) for part in quarters]
     )
+
+
+def _by_unit(result: RunLog, sizes: Mapping[str, float]) -> Array:
+    """The size of each joint by its unit, shape (nv,)."""
+    return np.array([sizes[unit_of(result, joint)] for joint in range(result.v.shape[1])])
+
+
+def _yields(result: RunLog) -> Array:
+    """How far a spring without a force sensor gives way to what pushed, shape (nv,); it has no moving reference."""
+    controller = result.provenance["controller"]
+    if controller.get("type") != "CompliantController":
+        return np.zeros(result.v.shape[1])
+    stiffness = np.array(controller["stiffness"])
+    given: Array = np.abs(np.linalg.inv(stiffness)) @ np.abs(result.tau_ext).max(axis=0)
+    return given
 
 
 def _range_of_reference(result: RunLog) -> Array:
