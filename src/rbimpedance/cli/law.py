@@ -58,7 +58,10 @@ class LawOptions(KnowledgeOptions):
             self._check_nothing_given()
             return None
         if self.k1 is None or self.k2 is None:
-            raise ParameterError("--k1, --k2", f"{self.k1}, {self.k2}", "given together")
+            given = "--k2 alone" if self.k1 is None else "--k1 alone"
+            raise ParameterError(
+                "--k1 and --k2", given, "given together, or neither, for tuned gains"
+            )
         surface, scheme = self.surface or "fast-terminal", self.scheme or "matched"
         made = ImpedanceController(
             task.arm,

@@ -171,7 +171,7 @@ def numbers(option: str, text: str, *counts: int) -> Array:
         values = np.array([float(part) for part in text.split(",")])
     except ValueError as error:
         raise ParameterError(option, text, wanted) from error
-    if counts and len(values) not in counts:
+    if np.isnan(values).any() or (counts and len(values) not in counts):
         raise ParameterError(option, text, wanted)
     return values if counts or len(values) > 1 else values[0]
 
