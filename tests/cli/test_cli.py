@@ -97,7 +97,7 @@ def test_inspect_prints_the_limits_that_the_urdf_gives(
         (("run", "two_link", "--dt", "-1"), "dt"),
         (("run", "two_link", "--k1", "0", "--k2", "1"), "k1"),
         (("run", "two_link", "--k1", "one", "--k2", "1"), "--k1"),
-        (("run", "two_link", "--k1", "8"), "given together, or neither, .* got '--k1 alone'"),
+        (("run", "two_link", "--k1", "8"), "got '--k1 alone'"),
         (("run", "two_link", "--center", "nan,0"), "--center must be a number or numbers"),
         (("run", "two_link", "--scheme", "explicit"), "--k1 and --k2"),
         (("run", "two_link", *GAINS, "--duration", "0.00055"), "multiple"),
