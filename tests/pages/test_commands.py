@@ -64,13 +64,13 @@ COMMANDS = {
     ),
     "paper": Shown(
         ("both corrected", "Slotine-Li", "inertia model, power surface, explicit scheme"),
-        ("out/fig2_errors.png", "out/fig3_impedance_error.png", "out/fig4_torque.png"),
+        ("out/fig2_errors.png", "out/fig3_impedance_error.pdf", "out/fig4_torque.png"),
         shorter=("--duration", "1"),
         slow=True,
     ),
     "paper --out out": Shown(
         ("computed torque",),
-        ("out/comparison.png", "out/paper.npz"),
+        ("out/corrections.png", "out/baselines.pdf", "out/paper.npz"),
         ("--duration", "1"),
         slow=True,
     ),

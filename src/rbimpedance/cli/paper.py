@@ -24,6 +24,9 @@ _FIGURES = {
     "fig4_torque": "torques",
 }
 
+_FORMATS = ("png", "pdf")
+_BEST = "both corrected"
+
 
 @with_options
 def paper(
@@ -44,17 +47,23 @@ def paper(
     result = record(
         lambda on_tick: scenario.simulate(on_tick=on_tick), "paper", "simulating two_link", output
     )
-    files = [*draw(result, _FIGURES, output.out), output.out / "paper.npz"]
+    files = [*draw(result, _FIGURES, output.out, _FORMATS), output.out / "paper.npz"]
     compared = _compare(dt, duration, quiet=output.silent)
-    files += draw(compared, {"comparison": "comparison"}, output.out)
+    first, *_ = compared
+    for stem, names in {
+        "corrections": [first, *(name for name in compared if "corrected" in name)],
+        "baselines": [name for name in compared if "corrected" not in name or name == _BEST],
+    }.items():
+        shown = {name: compared[name] for name in names}
+        files += draw(shown, {stem: "comparison"}, output.out, _FORMATS)
     title = f"two_link, {model} model, {surface} surface, {scheme} scheme, dt = {dt:g} s"
     if output.as_json:
         said = {"title": title, "joints": result.joint_names, "metrics": result_figures(result)}
         print_json(said | {"comparison": comparison_figures(compared)})
         return
     if not output.quiet:
-        for shown in result_tables(title, result):
-            print_table(shown)
+        for table in result_tables(title, result):
+            print_table(table)
         words = "The same with each correction, and the baselines; inertia known"
         print_table(comparison_table(words, compared))
         explain(LEGEND)

@@ -56,7 +56,10 @@ def record(
 
 
 def draw(
-    result: SimulationResult | Mapping[str, SimulationResult], figures: dict[str, str], folder: Path
+    result: SimulationResult | Mapping[str, SimulationResult],
+    figures: dict[str, str],
+    folder: Path,
+    formats: Sequence[str] = ("png",),
 ) -> list[Path]:
     """Write figures of a run, or of several.
 
@@ -64,13 +67,18 @@ def draw(
         result: The run.
         figures: Names of functions of `pictures.figures` by the stem of their file.
         folder: Where to.
+        formats: Endings of the files: "png" for a screen, "pdf" to print.
     """
     from ..pictures import figures as pictures  # noqa: PLC0415  (Matplotlib takes half a second)
 
     drawn: dict[str, Figure] = {
         stem: getattr(pictures, name)(result) for stem, name in figures.items()
     }
-    return [pictures.save(figure, folder / f"{stem}.png") for stem, figure in drawn.items()]
+    return [
+        pictures.save(figure, folder / f"{stem}.{ending}")
+        for stem, figure in drawn.items()
+        for ending in formats
+    ]
 
 
 def prepare(*places: Path | None) -> None:
