@@ -394,3 +394,12 @@ def test_damping_length_is_that_of_the_translations() -> None:
         output, _ = each.step(each.init(), q, np.zeros(7), motion(arm, q, 0.0), np.zeros(6))
         scaled = np.repeat([1.0 / length, 1.0], 3)[:, None] * arm.jacobian(q)
         assert_allclose(output.sigma, np.linalg.svd(scaled, compute_uv=False)[-1], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "wrap", [rbi.SoftStart, rbi.ReferenceGuard, rbi.EnergyTank, lambda c: rbi.FaultGuard(c, "stop")]
+)
+def test_guards_of_joints_refuse_a_controller_at_the_tool(wrap: Callable[[Any], Any]) -> None:
+    target = rbi.CartesianImpedance(mass=MASS, stiffness=STIFFNESS, damping_ratio=1.0)
+    with pytest.raises(rbi.ParameterError, match="controller"):
+        wrap(rbi.CartesianController(ur5(), target))

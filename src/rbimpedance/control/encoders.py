@@ -16,7 +16,7 @@ from ..interaction.sensors import LowPass
 from ..robot.hardware import Hardware
 from .protocol import Controller, Measured
 from .telemetry import ControllerOutput
-from .wrapper import ControllerWrapper
+from .wrapper import ControllerWrapper, of_joints
 
 VelocitySource: TypeAlias = Literal["differentiated", "measured"]
 """Where the velocity comes from."""
@@ -91,7 +91,7 @@ class QuantizedEncoders(ControllerWrapper[EncoderState, ControllerOutput]):
         low_pass = None if bandwidth is None else LowPass(bandwidth, controller.dt)
         set_fields(
             self,
-            controller=controller,
+            controller=of_joints(controller),
             resolution=positive("resolution", resolution, controller.arm.nv),
             velocity=velocity,
             bandwidth=bandwidth,

@@ -12,7 +12,7 @@ from .._common.arrays import Array, not_negative, positive, vector, whole_number
 from .._common.frozen import set_fields
 from .protocol import Controller, Measured
 from .telemetry import ControllerOutput, Situation
-from .wrapper import ControllerWrapper
+from .wrapper import ControllerWrapper, of_joints
 
 
 class Measurement(NamedTuple):
@@ -85,7 +85,7 @@ class ImperfectController(ControllerWrapper[ImperfectState, ControllerOutput]):
         nv = controller.arm.nv
         set_fields(
             self,
-            controller=controller,
+            controller=of_joints(controller),
             position_noise=not_negative("position_noise", position_noise, nv),
             velocity_noise=not_negative("velocity_noise", velocity_noise, nv),
             delay=whole_number("delay", delay),

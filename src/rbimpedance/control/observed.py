@@ -18,7 +18,7 @@ from .estimation import ExtendedStateObserver
 from .estimation.extended_state import ObserverState
 from .protocol import Controller, Measured
 from .telemetry import ControllerOutput, Situation
-from .wrapper import ControllerWrapper
+from .wrapper import ControllerWrapper, of_joints
 
 
 class ObservedState(NamedTuple):
@@ -67,7 +67,7 @@ class ObservedController(ControllerWrapper[ObservedState, ControllerOutput]):
         arm = controller.arm
         lag, delay = hardware.lag(arm), hardware.delay
         observer = ExtendedStateObserver(arm, bandwidth, controller.dt, lag=lag, delay=delay)
-        set_fields(self, controller=controller, observer=observer)
+        set_fields(self, controller=of_joints(controller), observer=observer)
 
     def init(self) -> ObservedState:
         """Return the state before the first tick."""

@@ -6,14 +6,33 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from .._common.arrays import Array
+from ..exceptions import ParameterError
 from ..law.impedance import TargetImpedance
 from ..law.limits import Limits
 from ..robot.arm_model import ArmModel
+from .cartesian_base import CartesianControllerBase
 from .protocol import ControllerBase, OutputT, WrappableController
 from .telemetry import ControllerOutput, Situation
 
 WrapperStateT = TypeVar("WrapperStateT", bound=Any)
 """A named tuple with the state of the controller inside as `inner`."""
+
+_Wrapped = TypeVar("_Wrapped")
+
+
+def of_joints(controller: _Wrapped) -> _Wrapped:
+    """Return the controller that a wrapper is given.
+
+    Args:
+        controller: The controller.
+
+    Raises:
+        ParameterError: It works at the tool, and takes a pose and a wrench where wrappers have joints.
+    """
+    if isinstance(controller, CartesianControllerBase):
+        kind = type(controller).__name__
+        raise ParameterError("controller", kind, "one of the joints, not of the tool")
+    return controller
 
 
 @dataclass(frozen=True, eq=False, init=False)

@@ -18,7 +18,7 @@ from ...robot.arm_model import ArmModel
 from ...trajectories import Reference
 from ..protocol import LONGEST_PERIOD, Measured, WrappableController
 from ..telemetry import ControllerOutput, Situation
-from ..wrapper import ControllerWrapper
+from ..wrapper import ControllerWrapper, of_joints
 from .belief import Belief, Believer
 from .braking import Braking
 from .effect_monitor import MEMORY, EffectMonitor, EffectState
@@ -141,7 +141,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
             raise ParameterError("rate", rate, f"at most 0.5/dt = {0.5 / controller.dt:g} 1/s")
         set_fields(
             self,
-            controller=controller,
+            controller=of_joints(controller),
             policy=policy,
             range=OperatingRange(arm) if range is None else range,
             rate=rate,

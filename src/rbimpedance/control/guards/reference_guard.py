@@ -18,7 +18,7 @@ from ...trajectories import Reference
 from ..errors import check_reference, track
 from ..protocol import Measured, WrappableController
 from ..telemetry import ControllerOutput, Situation
-from ..wrapper import ControllerWrapper
+from ..wrapper import ControllerWrapper, of_joints
 
 _FEWEST_PERIODS = 5.0
 
@@ -110,7 +110,7 @@ class ReferenceGuard(ControllerWrapper[GuardState, ControllerOutput]):
         speed = positive_or("velocity", velocity, arm.velocity_limit)
         set_fields(
             self,
-            controller=controller,
+            controller=of_joints(controller),
             lower=lower + room,
             upper=upper - room,
             velocity=np.array(speed),

@@ -15,7 +15,7 @@ from ...trajectories import Reference
 from ..errors import check_measurements
 from ..protocol import LONGEST_PERIOD, Measured, WrappableController
 from ..telemetry import ControllerOutput, Situation
-from ..wrapper import ControllerWrapper
+from ..wrapper import ControllerWrapper, of_joints
 from .faults import FASTEST
 
 _PEAK_SPEED, _PEAK_ACCELERATION = 1.875, 10.0 / np.sqrt(3.0)
@@ -110,7 +110,7 @@ class SoftStart(ControllerWrapper[SoftStartState, ControllerOutput]):
         limit = np.where(np.isfinite(arm.velocity_limit), arm.velocity_limit, FASTEST)
         set_fields(
             self,
-            controller=controller,
+            controller=of_joints(controller),
             duration=positive_number("duration", duration, "time in seconds"),
             velocity=positive_or("velocity", velocity, limit / 2.0),
             acceleration=positive_or("acceleration", acceleration, np.full(arm.nv, np.inf)),
