@@ -317,7 +317,6 @@ def check_return(result: rbi.SimulationResult, arm: rbi.ArmModel) -> None:
     assert not log.premise_holds[lost].all(axis=1).any()
     assert log.premise_holds[-1000:].all()
     assert np.abs(log.e1[-1]).max() < 1e-6
-    assert not result.verdict().failed
 
 
 @pytest.mark.slow
@@ -337,6 +336,11 @@ def test_tool_that_is_pulled_out_of_reach_comes_back() -> None:
     assert result.tool is not None
     assert np.linalg.norm(result.tool.e1[:, :3], axis=1).max() > 0.1
     check_return(result, arm)
+    findings = (
+        result.verdict().findings
+    )  # stretched out, the torque of the wrist ripples: docs/tool.md
+    assert [(finding.kind, finding.joint) for finding in findings] == [("chatter", "panda_joint6")]
+    assert findings[0].size < 0.03 * arm.effort_limit[5]
 
 
 @pytest.mark.slow
@@ -353,3 +357,4 @@ def test_wrist_goes_through_its_singularity(aside: float) -> None:
         substeps=2,
     )
     check_return(result, arm)
+    assert not result.verdict().failed

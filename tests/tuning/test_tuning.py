@@ -767,7 +767,7 @@ def test_tune_with_limits_prints_what_each_joint_lacks(
     options = ("--limits", "60,20", "--dt", "0.004", "--out", str(tmp_path))
     assert call(monkeypatch, "tune", "two_link", "--payload", "2", *options) == 1
     printed = capsys.readouterr().out
-    assert "lacks [N m]" in printed
+    assert "lacks [N·m]" in printed
     assert re.search(r"No gains: joint 'joint[12]' needs .* N·m with a payload of 2 kg", printed)
 
 

@@ -66,7 +66,7 @@ def ratio_map(table: pa.Table) -> Figure:
         bar = figure.colorbar(picture, ax=axes, extend="both", label="ours / best of the others")
         ticks = {"1/32": -5, "1/8": -3, "1/2": -1, "1": 0, "2": 1, "8": 3, "32": 5}
         bar.set_ticks([power * np.log(2.0) for power in ticks.values()], labels=list(ticks))
-        texts = np.vectorize(_ratio_text)(ratios)
+        texts = np.array([[_ratio_text(ratio) for ratio in row] for row in ratios.tolist()])
         draw_cells(axes, texts, np.abs(shown.filled(0.0)) > 0.55 * reach, fontsize=7.0)
         axes.set_xticks(range(len(robots)), robots, rotation=30, ha="right")
         axes.set_yticks(range(len(names)), names)
