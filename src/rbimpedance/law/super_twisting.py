@@ -100,7 +100,7 @@ def corrected_x(
 
 
 class FormulaReaching(FormulaPart):
-    """A reaching law by its formula for one joint: (s, z, x, a, dt, *gains) to u and the next z, x and a.
+    """A reaching law by its formula for one joint: (s, z, x, a, dt, gains...) to u and the next z, x and a.
 
     Every backend computes it: NumPy joint by joint, the others in compiled code. A reaching law of one's own derives
     from it (docs/how-to/own-law.md).

@@ -167,7 +167,7 @@ class SurfaceByTerms(ABC):
 
 
 class FormulaSurface(SurfaceByTerms, FormulaPart):
-    """A surface by its formula for one joint: (e1, e2, dt, *gains) to s, feed-forward and gain.
+    """A surface by its formula for one joint: (e1, e2, dt, gains...) to s, feed-forward and gain.
 
     Every backend computes it: NumPy joint by joint, the others in compiled code. A surface of one's own derives from it
     (docs/how-to/own-law.md); it adds `sliding_time` and `time_to` where certificates or tuning are wanted.
