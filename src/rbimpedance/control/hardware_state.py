@@ -8,7 +8,7 @@ import numpy as np
 
 from .._common.arrays import Array
 from .baseline_law import BaselineState
-from .estimation.extended_state import ObserverState
+from .estimation.extended_state import JointEstimate
 from .estimation.friction_learning import FrictionState
 from .estimation.noise_gate import GateState
 
@@ -41,7 +41,7 @@ class HardwareState(NamedTuple):
         cls,
         ticks: int,
         filter: BaselineState,
-        observer: ObserverState,
+        observer: JointEstimate,
         gate: GateState,
         friction: FrictionState,
         tau: Array,
@@ -66,10 +66,10 @@ class HardwareState(NamedTuple):
         return BaselineState(*self.rows[Q_E : V_E_BEFORE + 1])
 
     @property
-    def observer(self) -> ObserverState:
+    def observer(self) -> JointEstimate:
         """What is expected at the tick to come."""
         v, disturbance, torque = self.rows[V : TORQUE + 1]
-        return ObserverState(self.q, v, disturbance, torque, self.pending)
+        return JointEstimate(self.q, v, disturbance, torque, self.pending)
 
     @property
     def gate(self) -> GateState:

@@ -15,7 +15,7 @@ from ..robot.hardware import Hardware
 from ..trajectories import Reference
 from .errors import check_measurements
 from .estimation import ExtendedStateObserver
-from .estimation.extended_state import ObserverState
+from .estimation.extended_state import JointEstimate
 from .protocol import Controller, Measured
 from .telemetry import ControllerOutput, Situation
 from .wrapper import ControllerWrapper, of_joints
@@ -31,7 +31,7 @@ class ObservedState(NamedTuple):
     """
 
     ticks: int
-    observer: ObserverState
+    observer: JointEstimate
     inner: Any
 
 

@@ -53,7 +53,7 @@ def moved(v: Array, a: Array, h: float) -> tuple[Array, Array]:
 # --- the observer -------------------------------------------------------------------------------------------------
 
 
-class ObserverState(NamedTuple):
+class JointEstimate(NamedTuple):
     """What the observer expects at the tick to come.
 
     Attributes:
@@ -80,7 +80,7 @@ class Estimate(NamedTuple):
         bias: Of the model, shape (nv,) [N·m or N].
     """
 
-    state: ObserverState
+    state: JointEstimate
     M: Array
     bias: Array
 
@@ -148,7 +148,7 @@ class ExtendedStateObserver:
             _lag=lag_of(lag, dt),
         )
 
-    def init(self, q: Array, v: Array | None = None, tau: Array | None = None) -> ObserverState:
+    def init(self, q: Array, v: Array | None = None, tau: Array | None = None) -> JointEstimate:
         """Return the state of an arm that has been held: no disturbance, and the same torque for long.
 
         Args:
@@ -159,9 +159,9 @@ class ExtendedStateObserver:
         zero = np.zeros(self.arm.nv)
         tau = self.arm.raw_dynamics.bias(q, zero) if tau is None else np.array(tau)
         v = zero if v is None else np.array(v)
-        return ObserverState(np.array(q), v, zero, tau, np.tile(tau, (self.delay, 1)))
+        return JointEstimate(np.array(q), v, zero, tau, np.tile(tau, (self.delay, 1)))
 
-    def innovation(self, state: ObserverState, q: Array) -> Array:
+    def innovation(self, state: JointEstimate, q: Array) -> Array:
         """Return a measured less the expected configuration, shape (nv,) [rad or m].
 
         Args:
@@ -171,7 +171,7 @@ class ExtendedStateObserver:
         return self.arm.raw_dynamics.difference(state.q, q)
 
     def correct(
-        self, state: ObserverState, innovation: Array, bandwidth: Array | None = None
+        self, state: JointEstimate, innovation: Array, bandwidth: Array | None = None
     ) -> Estimate:
         """Return what is known after a measurement.
 
@@ -200,7 +200,7 @@ class ExtendedStateObserver:
             q, v, L = self._moved(estimate, q, v, L, tau, torque)
         return q, v
 
-    def predict(self, estimate: Estimate, tau: Array, torque: Array) -> ObserverState:
+    def predict(self, estimate: Estimate, tau: Array, torque: Array) -> JointEstimate:
         """Return what is expected at the next tick.
 
         Args:
@@ -211,7 +211,7 @@ class ExtendedStateObserver:
         state = estimate.state
         pending = np.concatenate([state.pending, tau[None]])
         q, v, L = self._moved(estimate, state.q, state.v, state.torque, pending[0], torque)
-        return ObserverState(q, v, state.disturbance, L, pending[1:])
+        return JointEstimate(q, v, state.disturbance, L, pending[1:])
 
     def _moved(
         self, estimate: Estimate, q: Array, v: Array, L: Array, tau: Array, torque: Array
