@@ -17,7 +17,7 @@ from ..law.joint_bounds import BoundedAcceleration, JointBounds
 from ..law.limits import Allocation, Limits
 from ..law.poses import CartesianReference, Pose
 from ..law.super_twisting import ReachingState, SuperTwisting
-from ..law.surfaces import Surface
+from ..law.surfaces import Surface, terms
 from ..robot.arm_model import ArmModel
 from ..robot.tool_kinematics import ToolKinematics, ToolMotion
 from ..trajectories.limits import joint_positions
@@ -241,12 +241,10 @@ def _sliding(
 ) -> Sliding:
     """Surface and reaching law of a block (eqs. (6) and (8), one block at a time), from e1, e2 and the rate of e1."""
     e1, e2, e1_rate = errors
-    s = law.surface.value(e1, e2)
+    s, (_, feedforward, gain) = law.surface.value(e1, e2), terms(law.surface, e1, e1_rate, dt)
     before = law.reaching.start(s) if is_first else state
     u, after = law.reaching.step(s, before, dt)
-    gain = law.surface.zoh_gain(e1, dt)
-    y = (law.surface.feedforward(e1, e1_rate) + u) / gain
-    return Sliding(s, u, y, gain, before, after)
+    return Sliding(s, u, (feedforward + u) / gain, gain, before, after)
 
 
 def _posture(law: CartesianLaw, state: CartesianState, q: Array) -> Array:

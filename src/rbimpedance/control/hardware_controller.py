@@ -17,6 +17,7 @@ from ..law.limits import Limits, as_limits
 from ..law.observed_law import commanded
 from ..robot.arm_model import ArmModel
 from ..robot.hardware import Hardware
+from ..trajectories import Reference
 from .baseline_law import Baseline, BaselineTorque, baseline_output
 from .default_gains import default_impedance
 from .errors import Tracking, track
@@ -258,11 +259,8 @@ class HardwareController(Baseline[HardwareState]):
     ) -> tuple[Array, Array]:
         """The errors when the torque of this tick begins to act."""
         q, v = self.observer.ahead(estimate, tick.tau_ext - friction)
-        late = self.observer.delay * self.dt
-        step = late * tick.v_r + 0.5 * late * late * tick.a_r
-        dynamics = self.arm.raw_dynamics
-        e1 = dynamics.difference(q, dynamics.integrate(tick.q_r, step))
-        return e1, tick.v_r + late * tick.a_r - v
+        then = self.observer.reference_ahead(Reference(tick.q_r, tick.v_r, tick.a_r))
+        return self.arm.raw_dynamics.difference(q, then.q), then.v - v
 
     def _learned(
         self, state: HardwareState, tick: Tracking, estimate: Estimate, bandwidth: Array

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from .._common.arrays import Array
+from .._common.pool import Pool
 from .._numba import warn_once
 from ..exceptions import UnsupportedJointError
 from .backends import is_available
@@ -86,14 +87,14 @@ class CompiledForm(PlainForm):
 
         self.tables, self._nq, self._nv, self._sent = tables, nq, nv, SENT
         self._kernel = hardware_kernel()
-        self._free: list[Any] = []
+        self._free = Pool(self._words)
 
     def step(self, state: HardwareState, given: Measured) -> Any:
         """Return output and next state; None where the readable tick is to be asked."""
         ticks, *before = state
         after = np.empty(self._nq), np.empty_like(state.rows), np.empty_like(state.pending)
         out, q_r = np.empty((OUT_ROWS, self._nv)), np.empty(self._nq)
-        words = self._free.pop() if self._free else self._words()
+        words = self._free.take()
         try:
             ending = self._kernel(words, ticks, *given, *before, *after, out, q_r)
         finally:

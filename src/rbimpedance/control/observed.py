@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array
 from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..robot.hardware import Hardware
-from ..trajectories import Reference
 from .errors import check_measurements
 from .estimation import ExtendedStateObserver
 from .estimation.extended_state import JointEstimate
@@ -92,12 +89,9 @@ class ObservedController(ControllerWrapper[ObservedState, ControllerOutput]):
         expected = state.observer if state.ticks else observer.init(q)
         estimate = observer.correct(expected, observer.innovation(expected, q))
         seen = observer.ahead(estimate, tau_ext)
-        output, inner = self.controller.step(state.inner, *seen, self._ahead(reference), tau_ext)
+        output, inner = self.controller.step(
+            state.inner, *seen, observer.reference_ahead(reference), tau_ext
+        )
         output = output._replace(q_r=self.arm.raw_dynamics.integrate(reference.q, output.q_e))
         following = observer.predict(estimate, output.tau, tau_ext)
         return output, ObservedState(state.ticks + 1, following, inner)
-
-    def _ahead(self, reference: Reference) -> Reference:
-        late, (q, v, a) = self.observer.delay * self.dt, reference
-        step: Array = late * v + 0.5 * late * late * a
-        return Reference(self.arm.raw_dynamics.integrate(q, step), np.asarray(v + late * a), a)

@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, gain, per_joint, positive_number, whole_number
+from .._common.arrays import Array, gain, per_joint, positive_number, size, whole_number
 from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
@@ -77,8 +77,6 @@ class Hardware:
     ) -> None:
         if encoder_side not in ("motor", "link"):
             raise ParameterError("encoder_side", encoder_side, '"motor" or "link"')
-        if not 0.0 <= stribeck < np.inf:
-            raise ParameterError("stribeck", stribeck, "zero or positive and finite")
         set_fields(
             self,
             encoder_bits=_optional("encoder_bits", encoder_bits, "positive", _is_positive),
@@ -87,7 +85,7 @@ class Hardware:
             torque_lag=gain("torque_lag", torque_lag, "zero or positive", _is_not_negative),
             delay=whole_number("delay", delay, meaning="ticks"),
             ripple=gain("ripple", ripple, "zero or positive", _is_not_negative),
-            stribeck=float(stribeck),
+            stribeck=size("stribeck", stribeck),
             joint_stiffness=_or_infinite("joint_stiffness", joint_stiffness),
             rotor_inertia=_optional("rotor_inertia", rotor_inertia, "positive", _is_positive),
             torque_sensor=_optional(

@@ -23,8 +23,8 @@ from .checkpoint import Checkpoint, RunState
 from .forces import Forces
 from .joint_stops import JointStops
 from .plants import Plant, RigidPlant
-from .plants.compiled_drives import SPEED_BOUND as SPEED_BOUND  # noqa: PLC0414 (part of this module's interface)
 from .plants.integrators import Integrator
+from .plants.protocol import SPEED_BOUND as SPEED_BOUND  # noqa: PLC0414 (part of this module's interface)
 from .result import SimulationResult
 from .sampling import tick_times
 from .tool_log import empty_tool_channels, tool_log, write_tool

@@ -9,6 +9,7 @@ import numpy as np
 from .._common.arrays import Array
 from ..control.encoders import QuantizedEncoders
 from ..control.hardware_controller import HardwareController
+from ..control.telemetry import FLAGS
 from ..exceptions import UnsupportedJointError
 from ..interaction import Perfect
 from ..trajectories import Reference
@@ -81,7 +82,7 @@ class _DrivenRun:
         self.loop, self.law = loop, law
         self.surroundings = EnvironmentTables(loop.environment, loop.plant)
         self.channels = empty_channels(loop.ticks + 1, nq, nv)
-        for name in ("saturated", "rate_limited", "clipped", "reference_limited"):
+        for name in FLAGS:
             self.channels[name][:] = False
         started, state = engine.begin(loop.q, loop.v, loop.h), law.init()
         self.memory = tick.TickMemory(*(np.array(part) for part in state[1:]))
@@ -138,7 +139,5 @@ def _rows(reference: Reference, rows: int) -> Reference:
 
 def _target(law: HardwareController) -> Array:
     """Diagonals of M_d, D_d and K_d, shape (3, nv)."""
-    nv = law.arm.nv
-    rest, unit, zero = np.zeros(nv), np.ones(nv), np.zeros(nv)
-    errors = ((zero, zero, unit), (zero, unit, zero), (unit, zero, zero))
-    return np.array([law._filter.error(*each, rest, rest) for each in errors])
+    target: Any = law._filter  # an `ImpedanceFilter`: others have no tables
+    return np.array([np.diag(matrix) for matrix in target.matrices])

@@ -127,7 +127,7 @@ def simulate(  # noqa: PLR0913 (what acts on a run, each given by name)
         SnapshotError: The checkpoint is of another run, or damaged.
     """
     if hardware is not None:
-        controller, plant = _on_hardware(controller, plant, hardware)
+        controller, plant = on_hardware(controller, plant, hardware)
     loop = closed_loop(
         controller,
         plant,
@@ -148,12 +148,16 @@ def simulate(  # noqa: PLR0913 (what acts on a run, each given by name)
     return run(loop, on_tick, checkpoint) if result is None else result
 
 
-def _on_hardware(
+def on_hardware(
     controller: Controller[Any] | CartesianControllerBase[Any],
     plant: ArmModel | Plant[Any],
     hardware: Hardware,
 ) -> tuple[Controller[Any] | CartesianControllerBase[Any], DrivenPlant]:
-    """The controller behind the encoders, and the arm behind the drives."""
+    """Return the controller behind its encoders, and the arm behind its drives.
+
+    Raises:
+        ParameterError: A plant that is no `ArmModel`, or a law at the tool, which takes no encoders.
+    """
     if not isinstance(plant, ArmModel):
         raise ParameterError("plant", plant, "an ArmModel where hardware is given")
     driven = DrivenPlant.for_(hardware, plant, controller.dt)

@@ -4,25 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array
 from .._common.brief import brief_repr
-from ..control.encoders import QuantizedEncoders
 from ..control.hardware_controller import HardwareController
-from ..control.protocol import Controller
 from ..exceptions import DivergenceError, ParameterError
 from ..law.impedance import Impedance
 from ..law.limits import Limits
 from ..robot.arm_model import ArmModel
 from ..robot.hardware import Hardware
-from ..simulation.plants import DrivenPlant
 from ..simulation.plants.elasticity import enough_substeps
 from ..simulation.plants.torque_loop import TorqueLoop
-from ..simulation.run import simulate
+from ..simulation.run import on_hardware, simulate
 from .gain_design import DesignTask, Measured, measure_task
 from .hardware_bandwidths import (
     HardwareBandwidths,
@@ -31,7 +28,7 @@ from .hardware_bandwidths import (
     variation_of_motion,
 )
 from .plant_sample import PlantSample
-from .worst_case import true_error
+from .worst_case import true_error, usual_impedance
 
 BEST = 2e-3
 """Accuracy that is aimed at where none is requested [rad or m]."""
@@ -240,11 +237,10 @@ def _designed(
 def _controller(
     proposal: HardwareProposal, impedance: Impedance | None, limits: Limits | ArrayLike | None
 ) -> HardwareController:
-    target = Impedance(mass=1.0, damping=10.0, stiffness=20.0) if impedance is None else impedance
     return HardwareController(
         proposal.arm,
         proposal.hardware,
-        target,
+        usual_impedance() if impedance is None else impedance,
         bandwidths=(proposal.bandwidths.quiet, proposal.bandwidths.alert),
         dt=proposal.dt,
         k2=proposal.k2,
@@ -263,10 +259,7 @@ def _runs(
     law = _controller(proposal, impedance, task.limits)
     hardware = proposal.hardware
     for sample in _worst(task):
-        controller: Controller[Any] = sample.wrap(law, noisy=False)
-        if hardware.encoder_bits is not None:
-            controller = QuantizedEncoders.for_(hardware, controller)
-        plant = DrivenPlant.for_(hardware, sample.plant, task.dt)
+        controller, plant = on_hardware(sample.wrap(law, noisy=False), sample.plant, hardware)
         ticks = max(round(task.duration / task.dt), 10)
         try:
             result = simulate(

@@ -30,7 +30,7 @@ from .motions import MotionMargin
 from .remedies import Remedy, Trial, Tried, try_remedies
 from .torque_demand import TorqueDemand
 from .uncertainty import Uncertainty
-from .worst_case import ExtremeCase
+from .worst_case import ExtremeCase, usual_impedance
 
 
 @brief_repr("feasible", "reason", "arm", "k1", "k2", "error")
@@ -106,7 +106,7 @@ class GainProposal:
         if not self.feasible:
             raise ParameterError("proposal", self.reason, "feasible; see its remedies")
         reaching = SuperTwisting(self.k1, self.k2, "matched", self.margin)
-        impedance = _usual_impedance() if impedance is None else impedance
+        impedance = usual_impedance() if impedance is None else impedance
         limits = self.limits if limits is None else limits
         return ImpedanceController(
             self.arm, impedance, self.surface, reaching, self.dt, limits=limits
@@ -253,7 +253,7 @@ def propose_gains(
         **search,
     )
     q0 = np.array(arm.ready if q0 is None else arm.check_configuration("q0", q0))
-    target = _usual_impedance() if impedance is None else impedance
+    target = usual_impedance() if impedance is None else impedance
     if hardware is not None and not hardware.is_perfect:
         return propose_for_hardware(task, hardware, target, q0, accuracy)
     return _searched(Trial(task, target, q0))
@@ -306,8 +306,3 @@ def _proposal(task: DesignTask, checked: Checked, tried: Tried) -> GainProposal:
         limits=task.limits,
         torque=demand,
     )
-
-
-def _usual_impedance() -> Impedance:
-    """The target of the paper's section 4."""
-    return Impedance(mass=1.0, damping=10.0, stiffness=20.0)

@@ -35,6 +35,11 @@ _CHATTER_FLOOR = 1.0  # N·m/s
 _STRIDE = 10  # ticks between the instants at which the torque that a motion needs is taken
 
 
+def usual_impedance() -> Impedance:
+    """Return the target of simulations where none is given: that of the paper's section 4."""
+    return Impedance(mass=1.0, damping=10.0, stiffness=20.0)
+
+
 class ExtremeCase(NamedTuple):
     """One plant in closed loop with the proposed gains; arrays have shape (nv,).
 

@@ -20,6 +20,7 @@ from ..._common.brief import brief_repr
 from ..._common.frozen import set_fields
 from ...law.lag import Lag, lag_of, lagged
 from ...robot.arm_model import ArmModel
+from ...trajectories import Reference
 
 # --- formulas, for all joints at once or for one ------------------------------------------------------------------
 
@@ -199,6 +200,12 @@ class ExtendedStateObserver:
         for tau in state.pending:
             q, v, L = self._moved(estimate, q, v, L, tau, torque)
         return q, v
+
+    def reference_ahead(self, reference: Reference) -> Reference:
+        """Return the reference `delay` ticks on, by its acceleration: what `ahead` is compared with."""
+        late, (q, v, a) = self.delay * self.dt, reference
+        step: Array = late * v + 0.5 * late * late * a
+        return Reference(self.arm.raw_dynamics.integrate(q, step), np.asarray(v + late * a), a)
 
     def predict(self, estimate: Estimate, tau: Array, torque: Array) -> JointEstimate:
         """Return what is expected at the next tick.

@@ -34,6 +34,7 @@ from ...control.compiled.hardware_tick import hardware_tick, lagged
 from ...control.compiled.law import TickInputs
 from ...control.compiled.manifold import add_step, difference, factorize, solve
 from ...control.compiled.tick import is_sound
+from ...law import impedance
 from ...robot.compiled import rigid_body
 from ...robot.compiled.dynamics import ARM, OWN_MATRIX, OWN_VECTOR, SPACE, VECTOR_IN
 from ...robot.compiled.rigid_body import place_joints
@@ -41,7 +42,9 @@ from ...robot.compiled.tables import ArmTables, Workspace, workspace
 from ..plants import dry_friction
 from .environment import Environment, environment_torque
 from .loop import ReferenceSamples, own_type, runaway
+from .plant import integrate
 
+impedance_error = helper(impedance.impedance_error)
 rub = helper(dry_friction.rub)
 sliding_friction = helper(dry_friction.sliding_friction)
 
@@ -299,8 +302,7 @@ def _step(plant: DriveTables, space: DriveSpace, tau: Array, moving: DriveMemory
         plant.numbers[STRIBECK],
         dry_friction.ROUNDS,
     )
-    for j in range(n):
-        add_step(plant.arm, j, moving.q, h * moving.v[j], moving.q)
+    integrate(plant.arm, moving.q, h, moving.v, moving.q)
 
 
 @inline
@@ -339,4 +341,4 @@ def _write(
         log.tau_ext[k, j], log.s[k, j] = space.tau_ext[j], o[OUT_S, j]
         e1, e2, e3 = o[OUT_E1, j], o[OUT_E2, j], o[OUT_A_R, j] - rows[_A, j]
         log.e1[k, j], log.e2[k, j] = e1, e2
-        log.e_im[k, j] = target[0, j] * e3 + target[1, j] * e2 + target[2, j] * e1
+        log.e_im[k, j] = impedance_error(target[0, j], target[1, j], target[2, j], e1, e2, e3)

@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 
 from ..._common.arrays import Array
+from ..._common.pool import Pool
 from ...control.backends import is_available
 from ...exceptions import UnsupportedJointError
 from ...law.lag import lag_of
+from .protocol import SPEED_BOUND
 from .rigid import RigidPlant
 from .sticking import StickingPlant
-
-SPEED_BOUND = 1e4
-"""A joint faster than this has diverged [rad/s or m/s]."""
 
 
 def compiled_step(plant: Any, h: float) -> Step | None:
@@ -97,8 +96,7 @@ class Step:
         from ..compiled.driven import DriveWords, drive_space, step_kernel  # noqa: PLC0415
 
         self._kernel: Callable[..., int] = step_kernel()
-        self._free: list[Any] = []
-        self._words: Callable[[], Any] = lambda: hold(DriveWords(tables, drive_space(nq, nv)))
+        self._free = Pool(lambda: hold(DriveWords(tables, drive_space(nq, nv))))
 
     def __call__(
         self, tau: Array, tau_ext: Array, q: Array, v: Array, torque: Array, pending: Array
@@ -114,10 +112,7 @@ class Step:
             pending: On their way, shape (·, nv) [N·m or N].
         """
         after = q.copy(), v.copy(), torque.copy(), pending.copy()
-        try:
-            words = self._free.pop()
-        except IndexError:
-            words = self._words()
+        words = self._free.take()
         try:
             self._kernel(words, tau, tau_ext, *after)
         finally:

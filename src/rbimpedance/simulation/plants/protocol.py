@@ -10,6 +10,9 @@ from ...robot.arm_model import ArmModel
 
 PlantStateT = TypeVar("PlantStateT")
 
+SPEED_BOUND = 1e4
+"""A joint faster than this has diverged [rad/s or m/s]."""
+
 
 class Motion(NamedTuple):
     """Where links are and how fast.

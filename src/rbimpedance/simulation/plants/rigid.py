@@ -14,24 +14,10 @@ from .integrators import INTEGRATORS, Integrator
 from .protocol import Motion
 
 
-@brief_repr()
-@dataclass(frozen=True, eq=False)
-class RigidPlant:
-    """Rigid links, moved by ABA; the plant that `simulate` makes from an `ArmModel`. Its state is their motion.
-
-    Attributes:
-        arm: The links.
-        integrator: "semi-implicit" (Euler, first order) or "rk4" (fourth order).
-        friction_at_end: Whether semi-implicit Euler takes friction at the end of its step, where it is stable however
-            stiff the friction is.
-    """
+class LinksAsState:
+    """What plants share whose state is the motion of rigid links, which the encoders are on."""
 
     arm: ArmModel
-    integrator: Integrator = "semi-implicit"
-    friction_at_end: bool = False
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "arm", self.arm.copy())
 
     def begin(self, q: Array, v: Array, h: float) -> Motion:
         """Return the state at the start of a run; see `Plant.begin`."""
@@ -49,6 +35,26 @@ class RigidPlant:
     def external_torque(self, state: Motion, environment: Interaction, t: float) -> Array:
         """Return what the environment does; see `Plant.external_torque`."""
         return environment.torque(self.arm, t, state.q, state.v)
+
+
+@brief_repr()
+@dataclass(frozen=True, eq=False)
+class RigidPlant(LinksAsState):
+    """Rigid links, moved by ABA; the plant that `simulate` makes from an `ArmModel`. Its state is their motion.
+
+    Attributes:
+        arm: The links.
+        integrator: "semi-implicit" (Euler, first order) or "rk4" (fourth order).
+        friction_at_end: Whether semi-implicit Euler takes friction at the end of its step, where it is stable however
+            stiff the friction is.
+    """
+
+    arm: ArmModel
+    integrator: Integrator = "semi-implicit"
+    friction_at_end: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "arm", self.arm.copy())
 
     def acceleration(self, state: Motion, tau: Array, tau_ext: Array) -> Array:
         """Return ABA's acceleration; see `Plant.acceleration`."""

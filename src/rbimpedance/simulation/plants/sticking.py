@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from ..._common.arrays import Array
+from ..._common.arrays import Array, size
 from ..._common.brief import brief_repr
 from ..._common.frozen import set_fields
 from ...control.backends import is_available
-from ...exceptions import ParameterError
 from ...interaction import Interaction
 from ...robot.arm_model import ArmModel
 from .dry_friction import ROUNDS, rub, sliding_friction
 from .protocol import Motion
+from .rigid import LinksAsState
 
 
 @functools.cache
@@ -32,7 +32,7 @@ def _compiled_rub() -> Callable[..., Any]:
 
 @brief_repr("arm", "stribeck")
 @dataclass(frozen=True, eq=False, init=False)
-class StickingPlant:
+class StickingPlant(LinksAsState):
     """Rigid links whose dry friction holds them at rest, as that of gears does.
 
     The arm's own friction, tau_c and d of every joint, acts as
@@ -60,27 +60,8 @@ class StickingPlant:
     _free: ArmModel
 
     def __init__(self, arm: ArmModel, stribeck: float = 0.2) -> None:
-        if not 0.0 <= stribeck < np.inf:
-            raise ParameterError("stribeck", stribeck, "zero or positive and finite")
         free = arm.with_friction(0.0, 0.0)
-        set_fields(self, arm=arm.copy(), stribeck=float(stribeck), _free=free)
-
-    def begin(self, q: Array, v: Array, h: float) -> Motion:
-        """Return the state at the start of a run; see `Plant.begin`."""
-        del h
-        return Motion(q, v)
-
-    def motion(self, state: Motion) -> Motion:
-        """Return how the links move: the state itself."""
-        return state
-
-    def measured(self, state: Motion) -> Motion:
-        """Return how the links move: the encoders are on them."""
-        return state
-
-    def external_torque(self, state: Motion, environment: Interaction, t: float) -> Array:
-        """Return what the environment does; see `Plant.external_torque`."""
-        return environment.torque(self.arm, t, state.q, state.v)
+        set_fields(self, arm=arm.copy(), stribeck=size("stribeck", stribeck), _free=free)
 
     def acceleration(self, state: Motion, tau: Array, tau_ext: Array) -> Array:
         """Return the acceleration without the friction of a joint at rest; see `Plant.acceleration`."""
