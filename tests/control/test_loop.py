@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from loop_rate_limiters import rate_limiter
 
 import rbimpedance as rbi
+from rbimpedance.control import loop as loop_module
 from rbimpedance.control.loop import RESOLUTION, Loop
 from rbimpedance.trajectories import hold
 
@@ -24,6 +24,7 @@ class Clock:
 
     def __init__(self) -> None:
         self.now = 100.0
+        self.late = 0.0
 
     def __call__(self) -> float:
         return self.now
@@ -31,13 +32,15 @@ class Clock:
     def pass_by(self, duration: float) -> None:
         self.now += duration
 
+    def sleep(self, duration: float) -> None:
+        self.pass_by(duration + self.late)
+
 
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    """The clock of loop-rate-limiters as well, so that its own limiter is what is tested."""
+    """A sleep on it ends `late` after its time."""
     made = Clock()
-    monkeypatch.setattr(rate_limiter, "perf_counter", made)
-    monkeypatch.setattr(rate_limiter, "sleep", made.pass_by)
+    monkeypatch.setattr(loop_module, "sleep", made.sleep)
     return made
 
 
@@ -58,6 +61,25 @@ def test_period_is_kept_while_the_work_is_shorter(clock: Clock) -> None:
     loop, periods = run(clock, [0.2 * DT, 0.9 * DT, 0.5 * DT])
     np.testing.assert_allclose(periods, DT, rtol=1e-9)
     assert loop.report().overruns == loop.report().missed == 0
+
+
+def test_late_wake_ups_do_not_add_up(clock: Clock) -> None:
+    """Every sleep ends 0.1 periods late; a clock that counts from the wake-up would lose 50 of 500 ticks."""
+    clock.late = 0.1 * DT
+    loop, periods = run(clock, [0.3 * DT] * 500)
+    assert loop.time == pytest.approx(500.1 * DT, rel=1e-9)
+    np.testing.assert_allclose(periods[2:], DT, rtol=1e-9)
+    assert loop.report().overruns == 0
+
+
+def test_wake_up_that_is_very_late_is_counted_and_no_tick_follows_at_once(clock: Clock) -> None:
+    loop = Loop(DT, clock=clock)
+    loop.wait()
+    clock.late = 6.2 * DT
+    assert loop.wait() == pytest.approx(7.2 * DT, rel=1e-9)
+    clock.late = 0.0
+    assert loop.wait() == pytest.approx(DT, rel=1e-9)
+    assert (loop.report().overruns, loop.report().missed) == (1, 6)
 
 
 def test_stall_is_measured_counted_and_not_made_up_for(clock: Clock) -> None:

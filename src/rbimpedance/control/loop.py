@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from time import perf_counter
+from time import perf_counter, sleep
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from loop_rate_limiters import RateLimiter
 
 from .._common.arrays import positive_number
 from .._common.brief import brief_repr
@@ -19,7 +18,7 @@ _SHORTEST, _LONGEST = 1e-6, 1e3  # s: what the histogram covers
 
 
 class Limiter(Protocol):
-    """What keeps the rate: `loop_rate_limiters.RateLimiter`, or the like."""
+    """What keeps the rate: `AbsoluteRate`, or the like."""
 
     @property
     def slack(self) -> float:
@@ -29,12 +28,45 @@ class Limiter(Protocol):
         """Wait for the next tick."""
 
 
+class AbsoluteRate:
+    """Ticks at multiples of the period: a wake-up that comes late does not delay the ticks after it.
+
+    After a tick that is late, by its work or by half a period of wake-up, the count starts again from there: no period is
+    shorter than half of the nominal one.
+
+    Args:
+        period: Time between two ticks [s].
+        clock: Gives the time [s].
+        sleep: Waits for a time [s].
+    """
+
+    def __init__(
+        self, period: float, clock: Callable[[], float], sleep: Callable[[float], object]
+    ) -> None:
+        self.period, self.slack = period, 0.0
+        self._clock, self._sleep = clock, sleep
+        self._due = clock() + period
+
+    def sleep(self) -> None:
+        """Wait for the next tick."""
+        self.slack = self._due - self._clock()
+        if self.slack > 0.0:
+            self._sleep(self.slack)
+            late = self._clock() - self._due
+            if late < self.period / 2.0:
+                self._due += self.period
+                return
+            self.slack = -late
+        self._due = self._clock() + self.period
+
+
 class LoopReport(NamedTuple):
     """How well a loop kept its period; printed, it is one line of plain words.
 
     Attributes:
         ticks: Number of measured periods: one less than the ticks that took place.
-        overruns: How many ticks came late, since the work of the one before took longer than a period.
+        overruns: How many ticks came late: the work of the one before took longer than a period, or the computer woke the
+            process more than half a period late.
         missed: How many ticks never took place: whole periods that passed meanwhile. A tick 2.5 periods late is one
             overrun, and two ticks are missed.
         p50: Median of the measured periods [s]; this and p99 are good to `RESOLUTION`.
@@ -67,14 +99,14 @@ class Loop:
             output, state = controller.step(state, q, v, reference(loop.time), tau_ext, period)
             robot.send(output.tau)
 
-    The first period is dt: no tick was before. A late tick is not made up for by shorter ones: two control ticks in
-    quick succession do harm, and the controller takes the measured period into account. Long runs take no more memory
-    than short ones.
+    The first period is dt: no tick was before. Ticks come at multiples of dt, so that the mean period is dt although
+    every sleep ends a little late. A late tick is not made up for by shorter ones: two control ticks in quick succession
+    do harm, and the controller takes the measured period into account. Long runs take no more memory than short ones.
 
     Args:
         dt: Control period [s].
-        limiter: Keeps the rate; a `RateLimiter` by default.
-        clock: Gives the time [s]; the limiter's clock.
+        limiter: Keeps the rate; an `AbsoluteRate` by default.
+        clock: Gives the time [s].
 
     Raises:
         ParameterError: dt is not a positive number.
@@ -108,7 +140,7 @@ class Loop:
 
     def wait(self) -> float:
         """Wait for the next tick, and return the time since the one before [s]."""
-        limiter = self._limiter or RateLimiter(1.0 / self.dt, warn=False)
+        limiter = self._limiter or AbsoluteRate(self.dt, self._clock, sleep)
         self._limiter = limiter  # made at the first tick: it counts from there
         if self._start is None:
             self._start = self._now = self._clock()

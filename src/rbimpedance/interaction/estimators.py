@@ -89,17 +89,32 @@ class MomentumObserver:
         return MomentumState(None, np.zeros((self.arm.nv, self.arm.nv)), zero, zero)
 
     def step(
-        self, state: MomentumState, q: Array, v: Array, tau: Array, tau_ext: Array
+        self,
+        state: MomentumState,
+        q: Array,
+        v: Array,
+        tau: Array,
+        tau_ext: Array,
+        period: float | None = None,
     ) -> tuple[Array, MomentumState]:
-        """Return the estimate; see `Sensor.step`. tau_ext is not looked at."""
+        """Return the estimate; see `Sensor.step`. tau_ext is not looked at.
+
+        Args:
+            state: From `init` or from the tick before.
+            q: Measured configuration, shape (nq,).
+            v: Measured velocity, shape (nv,) [rad/s or m/s].
+            tau: Torque that was sent since the tick before, shape (nv,) [N·m or N].
+            tau_ext: Not used.
+            period: Measured time since the tick before; dt by default [s].
+        """
         del tau_ext
-        dynamics = self.arm.raw_dynamics
+        dynamics, h = self.arm.raw_dynamics, self.dt if period is None else period
         M, bias = dynamics.mass_matrix(q), dynamics.bias(q, v)
         r = state.r
         if state.v is not None:
-            inertial = (M + state.M) @ (v - state.v) / (2.0 * self.dt)
+            inertial = (M + state.M) @ (v - state.v) / (2.0 * h)
             w = inertial + (bias + state.bias) / 2.0 - tau
-            r = r - np.expm1(-self.gain * self.dt) * (w - r)
+            r = r - np.expm1(-self.gain * h) * (w - r)
         return r.copy(), MomentumState(np.array(v), M, bias, r)
 
 

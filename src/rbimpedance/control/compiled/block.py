@@ -128,6 +128,12 @@ class PackedState(Packed):
         block[:, list(_STATE.values())] = np.transpose(state[1:])
         return cls(block)
 
+    def _replace(self, **changes: Any) -> PackedState:
+        block = self.rows.copy()
+        for name, value in changes.items():
+            block[:, TICKS if name == "ticks" else _STATE[name]] = value
+        return type(self)(block)
+
 
 class PackedOutput(Packed):
     """A `ControllerOutput` in a block; its arrays are copies."""

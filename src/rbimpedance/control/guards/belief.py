@@ -97,10 +97,7 @@ class Believer:
 
     def _observed(self, before: Belief, belief: Belief, tau: Array, period: float) -> Belief:
         """The belief with what its momentum says of the torque that neither motors nor model explain."""
-        observer = self._observer
-        if period != self.dt:
-            observer = MomentumObserver(self.arm, self.rate, period)
-        _, following = observer.step(before.observer, belief.q, belief.v, tau, tau_ext=tau)
+        _, following = self._observer.step(before.observer, belief.q, belief.v, tau, tau, period)
         if not is_finite(following.r + following.bias):
             following = before.observer._replace(v=None)
         return belief._replace(observer=following)
