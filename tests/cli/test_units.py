@@ -100,3 +100,17 @@ def test_table_of_gains_of_sliding_joints_is_in_kilograms(tmp_path: Path) -> Non
     assert "inertia \\[kg·m^2]" in [str(column.header) for column in turns.columns]
     assert "inertia \\[kg]" in [str(column.header) for column in slides.columns]
     assert "rad or m" in proposal.explain()
+
+
+def test_refused_gains_of_a_sliding_joint_are_explained_in_newtons_and_metres(
+    tmp_path: Path,
+) -> None:
+    arm = rbi.load_robot(arm_of(tmp_path, "prismatic"))
+    motion = rbi.trajectories.cosine(arm, center=0.5, amplitude=0.05)
+    asked = {"dt": 1e-3, "q0": motion(0.0).q, "duration": 0.1, "remedy_time": 0.0}
+    weak = rbi.propose_gains(arm, rbi.Uncertainty(), motion, limits=rbi.Limits(1e-3), **asked)
+    exact = rbi.propose_gains(arm, rbi.Uncertainty(payload=1.0), motion, accuracy=1e-15, **asked)
+    for refused, unit in ((weak, "N"), (exact, "m")):
+        assert not refused.feasible
+        assert re.search(rf"\d {unit}\b", refused.explain())
+        assert not re.search(r"N·m|\brad\b", refused.explain())

@@ -222,7 +222,9 @@ def is_finite(value: object) -> bool:
     if isinstance(value, tuple):
         return all(map(is_finite, value))
     if isinstance(value, np.ndarray):
-        if value.dtype.kind != "f" or isfinite(np.vdot(value, value)):  # the quick answer to almost all
+        if value.dtype.kind != "f" or isfinite(
+            np.vdot(value, value)
+        ):  # the quick answer to almost all
             return True
         return bool(np.isfinite(value).all())
     return not isinstance(value, float) or isfinite(value)

@@ -9,7 +9,6 @@ from rich.table import Table
 
 from .._common.arrays import Array
 from ..control.default_gains import slope_at_zero
-from ..simulation.violations import units_of
 from ..tuning import GainProposal
 from .terminal import number, table
 from .units import Units, kinds
@@ -66,7 +65,7 @@ def _by_joint(
     title: str, proposal: GainProposal, header: Sequence[str], columns: Sequence[Array]
 ) -> Iterator[Table]:
     """A table for the joints that turn, and one for those that slide."""
-    for kind in kinds(units_of(proposal.nominal)):
+    for kind in kinds(proposal.nominal.position_units):
         rows = [
             [proposal.nominal.joint_names[i], *(number(float(column[i])) for column in columns)]
             for i in kind.joints
@@ -99,7 +98,9 @@ def worst_table(proposal: GainProposal) -> Table:
         for name, case in zip(case_names(proposal), proposal.worst, strict=True)
     ]
     units = Units("rad or m", "N·m or N", "", ())
-    (kind,) = found if len(found := tuple(kinds(units_of(proposal.nominal)))) == 1 else (units,)
+    (kind,) = (
+        found if len(found := tuple(kinds(proposal.nominal.position_units))) == 1 else (units,)
+    )
     columns = ("|e1| late [{x}]", "variation [{f}/s]", "needed [{f}/s]")
     header = ("worst sample", *map(kind.write, columns), "")
     return table("simulated", header, rows)

@@ -54,6 +54,7 @@ _RULES: Sequence[_Rule] = (
         "--massless --armature A, with the rotors' inertia A",
     ),
     (r"xacro_args=\{[^}]*\} \((--xacro-arg [^)]*)\)", r"\1"),
+    (r"\bjoint_stops=True gives it some\b", "leave out --no-stops"),
     (r"; check_limits=False allows it", "; choose another --center, --amplitude or --start"),
     (
         r"a known armature, if the arm is geared: ([\d.e+-]+) kg·m² for example",
@@ -68,7 +69,7 @@ _RULES: Sequence[_Rule] = (
     ),
     (r"There was no time for more; remedy_time= gives some\.", "There was no time for more."),
     (r"the result so far is in the error's \.result\. ", ""),
-    (r"\b(?P<name>duration|accuracy|dt) = (?P<value>[\d.e+-]+)(?: s\b| rad\b)?(?= instead|$|:|,)",
+    (r"\b(?P<name>duration|accuracy|dt) = (?P<value>[\d.e+-]+)(?: s\b| rad or m\b| rad\b| m\b)?(?= instead|$|:|,)",
      lambda found: f"{_OPTIONS[found['name']]} {found['value']}"),
     (
         r"\ba source is a path to a \.urdf or \.xacro file, .* or a RobotWrapper",

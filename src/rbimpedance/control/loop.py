@@ -31,8 +31,8 @@ class Limiter(Protocol):
 class AbsoluteRate:
     """Ticks at multiples of the period: a wake-up that comes late does not delay the ticks after it.
 
-    After a tick that is late, by its work or by half a period of wake-up, the count starts again from there: no period is
-    shorter than half of the nominal one.
+    After a tick that is late, by its work or by half a period of wake-up, the count starts again from there: no period
+    is shorter than half of the nominal one.
 
     Args:
         period: Time between two ticks [s].
@@ -65,8 +65,8 @@ class LoopReport(NamedTuple):
 
     Attributes:
         ticks: Number of measured periods: one less than the ticks that took place.
-        overruns: How many ticks came late: the work of the one before took longer than a period, or the computer woke the
-            process more than half a period late.
+        overruns: How many ticks came late: the work of the one before took longer than a period, or the computer woke
+            the process more than half a period late.
         missed: How many ticks never took place: whole periods that passed meanwhile. A tick 2.5 periods late is one
             overrun, and two ticks are missed.
         p50: Median of the measured periods [s]; this and p99 are good to `RESOLUTION`.
@@ -100,8 +100,9 @@ class Loop:
             robot.send(output.tau)
 
     The first period is dt: no tick was before. Ticks come at multiples of dt, so that the mean period is dt although
-    every sleep ends a little late. A late tick is not made up for by shorter ones: two control ticks in quick succession
-    do harm, and the controller takes the measured period into account. Long runs take no more memory than short ones.
+    every sleep ends a little late. A late tick is not made up for by shorter ones: two control ticks in quick
+    succession do harm, and the controller takes the measured period into account. Long runs take no more memory than
+    short ones.
 
     Args:
         dt: Control period [s].

@@ -146,6 +146,13 @@ class ArmModel:
         return np.array(pin.neutral(self.raw_dynamics.model))
 
     @property
+    def position_units(self) -> tuple[str, ...]:
+        """Unit of each joint's position: "rad" where it turns, "m" where it slides."""
+        model = self.raw_dynamics.model
+        kinds = (model.joints[j].shortname() for j in movable_joints(model))
+        return tuple("m" if kind.startswith("JointModelP") else "rad" for kind in kinds)
+
+    @property
     def frame_names(self) -> tuple[str, ...]:
         """Names of all frames, in Pinocchio's order."""
         return tuple(frame.name for frame in self.raw_dynamics.model.frames)

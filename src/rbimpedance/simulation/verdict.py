@@ -132,6 +132,8 @@ def _position(result: RunLog) -> Iterator[Finding]:
         size, time = float(beyond[:, joint].max()), _first(result, over[:, joint] > 0.0)
         name, unit = result.joint_names[joint], unit_of(result, joint)
         words = f"joint '{name}' was {size:.3g} {unit} beyond its position limit, from {time:.3g} s"
+        if not {"joint_stops", "engine"} & result.provenance.keys():
+            words += " (the simulated arm has no stops: joint_stops=True gives it some)"
         yield Finding("position", name, time, size, words)
 
 
@@ -146,10 +148,9 @@ def _error(result: RunLog, sizes: Array) -> Iterator[Finding]:
     if over.max() > 0.0 or np.isnan(over).any():
         joint = int(np.argmax(over))
         size, name = float(sizes[-1, joint]), result.joint_names[joint]
-        grows = "grows" if sizes[-1, joint] > 1.05 * sizes[-2, joint] else "stays"
         words = (
             f"joint '{name}' is {abs(result.e1[-1, joint]):.3g} {unit_of(result, joint)} from its reference, "
-            f"and that {grows}"
+            "and that does not fall"
         )
         yield Finding("error", name, float(result.t[-1]), size, words)
 

@@ -10,6 +10,7 @@ import numpy as np
 from .._common.arrays import Array
 from ..robot.arm_model import ArmModel
 from ..robot.rigid_bodies import movable_joints
+from ..robot.units import FORCE
 from .run_log import RunLog
 
 
@@ -44,20 +45,8 @@ def limits_of(arm: ArmModel) -> dict[str, list[Any]]:
     }
     return plain | {
         "q_index": [joint.idx_q if joint.nq == 1 else None for joint in joints],
-        "unit": list(units_of(arm)),
+        "unit": list(arm.position_units),
     }
-
-
-def units_of(arm: ArmModel) -> tuple[str, ...]:
-    """Return "rad" or "m" for each joint, as it turns or slides."""
-    model = arm.raw_dynamics.model
-    joints = (model.joints[j] for j in movable_joints(model))
-    return tuple("m" if joint.shortname().startswith("JointModelP") else "rad" for joint in joints)
-
-
-def error_unit(arm: ArmModel) -> str:
-    """Return the unit of an arm's errors: "rad", "m", or "rad or m"."""
-    return " or ".join(sorted(set(units_of(arm)), reverse=True))
 
 
 def excess(result: RunLog) -> Excess:
@@ -89,7 +78,7 @@ def unit_of(result: RunLog, joint: int) -> str:
 
 def force_unit_of(result: RunLog, joint: int) -> str:
     """Return "N·m" or "N", as the joint turns or slides."""
-    return "N" if unit_of(result, joint) == "m" else "N·m"
+    return FORCE[unit_of(result, joint)]
 
 
 def limit_of(result: RunLog, name: Literal["velocity", "effort"]) -> Array:

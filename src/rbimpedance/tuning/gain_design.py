@@ -22,6 +22,7 @@ from ..law.input_gain import LARGEST_MARGIN, gain_limit, needed_margin, tolerate
 from ..law.limits import Limits
 from ..law.surfaces import Surface
 from ..robot.arm_model import ArmModel
+from ..robot.units import FORCE
 from ..trajectories import Trajectory
 from .mismatch import Mismatch, balanced_model, measure
 from .motions import MotionMargin, sample_motions
@@ -265,7 +266,7 @@ def _k1_and_k2(
 
 def _checked_design(task: DesignTask, found: Design) -> Design:
     """Add the joint that stands in the way, and why, where there is one."""
-    names, mismatch = task.arm.joint_names, found.measured.mismatch
+    names, mismatch, units = task.arm.joint_names, found.measured.mismatch, task.arm.position_units
     if not np.isfinite(found.margin):
         joint = (
             mismatch.joint_high
@@ -279,11 +280,13 @@ def _checked_design(task: DesignTask, found: Design) -> Design:
         )
         return replace(found, joint=joint, reason=reason)
     joint = int(np.argmax(found.error + found.noise_error))
+    unit = units[joint]
     if found.error[joint] + found.noise_error[joint] > task.accuracy:
         reason = (
-            f"joint '{names[joint]}' would have a remaining error of about {found.error[joint]:.2g} rad from the "
-            f"disturbance and {found.noise_error[joint]:.2g} rad from noise, above the requested {task.accuracy:g}: "
-            f"its disturbance changes at {mismatch.disturbance_rate[joint]:.3g} rad/s³, and an input gain of "
+            f"joint '{names[joint]}' would have a remaining error of about {found.error[joint]:.2g} {unit} from the "
+            f"disturbance and {found.noise_error[joint]:.2g} {unit} from noise, above the requested "
+            f"{task.accuracy:g}: its disturbance changes at {mismatch.disturbance_rate[joint]:.3g} {unit}/s³, and an "
+            "input gain of "
             f"{mismatch.gain_low:.2g} to {mismatch.gain_high:.2g} needs a margin of {found.margin:.3g}"
         )
         return replace(found, joint=joint, reason=reason)
@@ -293,8 +296,8 @@ def _checked_design(task: DesignTask, found: Design) -> Design:
     joint = int(np.argmax(found.noise_torque / limit))
     if found.noise_torque[joint] > limit[joint]:
         reason = (
-            f"noise would take {found.noise_torque[joint]:.3g} N·m of joint '{names[joint]}', which has "
-            f"{limit[joint]:g}"
+            f"noise would take {found.noise_torque[joint]:.3g} {FORCE[units[joint]]} of joint '{names[joint]}', "
+            f"which has {limit[joint]:g}"
         )
         return replace(found, joint=joint, reason=reason)
     return found

@@ -20,7 +20,7 @@ from ..law.super_twisting import SuperTwisting
 from ..law.surfaces import NonsingularTerminalSurface, Surface
 from ..robot.arm_model import ArmModel
 from ..robot.hardware import Hardware
-from ..simulation.violations import error_unit
+from ..robot.units import error_unit
 from ..trajectories import Trajectory
 from .checks import Checked
 from .gain_design import DesignTask

@@ -12,6 +12,7 @@ import numpy as np
 
 from .._common.arrays import Array
 from ..law.impedance import Impedance
+from ..robot.units import error_unit
 from .checks import Checked, solve
 from .gain_design import Design, DesignTask, measure_task
 from .torque_demand import slowed
@@ -95,7 +96,7 @@ def try_remedies(trial: Trial, refused: Checked) -> Tried:
                 return Tried(tuple(remedies), tuple(failed), complete=False)
             found = trial.of(changes).design
             if found.joint is None:
-                remedies.append(Remedy(words + _figures(found), changes))
+                remedies.append(Remedy(words + _figures(trial.task, found), changes))
                 break
             failed.append(words)
     return Tried(tuple(remedies), tuple(failed))
@@ -208,7 +209,10 @@ def _accuracy(task: DesignTask, refused: Checked) -> list[Step]:
     if not np.isfinite(error) or error <= task.accuracy:
         return []
     softer = [float(f"{factor * error:.2g}") for factor in _SOFTER]
-    return [(f"accuracy = {each:g} rad instead", {"accuracy": each}) for each in softer]
+    return [
+        (f"accuracy = {each:g} {error_unit(task.arm)} instead", {"accuracy": each})
+        for each in softer
+    ]
 
 
 def _slower_motion(task: DesignTask) -> list[Step]:
@@ -221,5 +225,7 @@ def _slower_motion(task: DesignTask) -> list[Step]:
     ]
 
 
-def _figures(found: Design) -> str:
-    return f": margin {found.margin:.2g}, error {float(found.error.max()):.2g} rad"
+def _figures(task: DesignTask, found: Design) -> str:
+    return (
+        f": margin {found.margin:.2g}, error {float(found.error.max()):.2g} {error_unit(task.arm)}"
+    )

@@ -49,6 +49,11 @@ class _Blocks(NamedTuple):
     nv: int
     joint_names: tuple[str, ...]
     effort_limit: Array
+    position_units: tuple[str, ...] = (
+        "rad",
+        "rad",
+        "rad",
+    )  # translations count in units of the length
 
 
 @brief_repr("feasible", "reason", "k1", "k2", "margin", "payload")

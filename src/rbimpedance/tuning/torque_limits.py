@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..law.limits import Limits
+from ..robot.units import FORCE
 from .gain_design import Design, DesignTask
 from .plant_sample import PlantSample
 from .torque_demand import Exertion, TorqueDemand, slowed
@@ -39,8 +40,10 @@ def refused_for_torque(task: DesignTask, found: Design, demand: TorqueDemand) ->
     """Return the design with the joint that lacks most for its limits, and what all of them lack."""
     joint = int(np.argmax(demand.share))
     others = [
-        f"'{name}' {_figure(lack)} N·m"
-        for i, (name, lack) in enumerate(zip(task.arm.joint_names, demand.lack, strict=True))
+        f"'{name}' {_figure(lack)} {FORCE[unit]}"
+        for i, (name, lack, unit) in enumerate(
+            zip(task.arm.joint_names, demand.lack, task.arm.position_units, strict=True)
+        )
         if lack > 0.0 and i != joint
     ]
     also = f" (also missing: {', '.join(others)})" if others else ""
@@ -77,16 +80,17 @@ def within_limits(
 
 def _reason(task: DesignTask, demand: TorqueDemand, joint: int) -> str:
     name, sample = task.arm.joint_names[joint], demand.plants[joint]
+    unit = FORCE[task.arm.position_units[joint]]
     plant = f"with a payload of {sample.payload:.3g} kg and links {sample.inertia_scale:.3g} times as heavy"
     if demand.lack[joint] <= 0.0:
         needed, limit = demand.rate_needed[joint], demand.rate_limit[joint]
         return (
-            f"the torque of joint '{name}' must change by {_figure(needed)} N·m/s {plant}; its limit is "
-            f"{_figure(limit)} N·m/s: it lacks {_figure(demand.rate_lack[joint])} N·m/s"
+            f"the torque of joint '{name}' must change by {_figure(needed)} {unit}/s {plant}; its limit is "
+            f"{_figure(limit)} {unit}/s: it lacks {_figure(demand.rate_lack[joint])} {unit}/s"
         )
     return (
-        f"joint '{name}' needs {_figure(demand.needed[joint])} N·m {plant} at t = {demand.time[joint]:.3g} s; its "
-        f"limit is {_figure(demand.limit[joint])} N·m: it lacks {_figure(demand.lack[joint])} N·m"
+        f"joint '{name}' needs {_figure(demand.needed[joint])} {unit} {plant} at t = {demand.time[joint]:.3g} s; its "
+        f"limit is {_figure(demand.limit[joint])} {unit}: it lacks {_figure(demand.lack[joint])} {unit}"
     )
 
 
@@ -94,9 +98,10 @@ def without_reserve(task: DesignTask, found: Design, demand: TorqueDemand) -> De
     """Add what its limit leaves the tightest joint to the reason of a design that does not converge."""
     left = demand.limit - demand.needed
     joint = int(np.argmin(left / demand.reserve))
+    unit = FORCE[task.arm.position_units[joint]]
     words = (
         f"; the motion leaves joint '{task.arm.joint_names[joint]}' {_figure(left[joint])} of "
-        f"{_figure(demand.limit[joint])} N·m, where {_figure(demand.reserve[joint])} N·m are wanted to converge"
+        f"{_figure(demand.limit[joint])} {unit}, where {_figure(demand.reserve[joint])} {unit} are wanted to converge"
     )
     return replace(found, reason=found.reason + words)
 
@@ -143,13 +148,15 @@ def _stronger(task: DesignTask, demand: TorqueDemand) -> list[tuple[str, dict[st
 
 
 def _missing(task: DesignTask, demand: TorqueDemand) -> Iterator[str]:
-    for i, name in enumerate(task.arm.joint_names):
+    for i, (name, unit) in enumerate(
+        zip(task.arm.joint_names, task.arm.position_units, strict=True)
+    ):
         if demand.needed[i] + demand.reserve[i] > demand.limit[i]:
             torque = _rounded(float(demand.needed[i] + demand.reserve[i]), up=True)
-            yield f"{torque:g} N·m on '{name}'"
+            yield f"{torque:g} {FORCE[unit]} on '{name}'"
         if demand.rate_lack[i] > 0.0:
             rate = _rounded(float(demand.rate_needed[i]), up=True)
-            yield f"{rate:g} N·m/s on '{name}'"
+            yield f"{rate:g} {FORCE[unit]}/s on '{name}'"
 
 
 def _border(enough: Callable[[float], bool], good: float, bad: float) -> float:

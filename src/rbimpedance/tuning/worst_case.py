@@ -15,6 +15,7 @@ from ..law.impedance import Impedance
 from ..law.limits import Limits
 from ..law.super_twisting import SuperTwisting
 from ..robot.arm_model import ArmModel
+from ..robot.units import FORCE
 from ..simulation.result import SimulationResult
 from ..simulation.run import simulate
 from ..trajectories import Trajectory
@@ -187,7 +188,7 @@ def _verdict(
     task: DesignTask, design: Design, noisy: bool, error: Array, variation: Array, needed: Array
 ) -> tuple[int | None, str, bool]:
     """The joint that fails, why, and whether it is unstable."""
-    names = task.arm.joint_names
+    names, units = task.arm.joint_names, task.arm.position_units
     times = np.linspace(0.0, task.duration, 50).tolist()
     speed = np.max([np.abs(task.trajectory(t).v) for t in times], axis=0)
     late = (
@@ -198,14 +199,14 @@ def _verdict(
     ceiling = CHATTER_RATIO * float(needed.sum()) + _CHATTER_FLOOR
     if not noisy and float(variation.sum()) > ceiling:
         reason = (
-            f"joint '{names[joint]}' chatters: its torque varies by {variation[joint]:.3g} N·m/s where the motion "
-            f"needs {needed[joint]:.3g}"
+            f"joint '{names[joint]}' chatters: its torque varies by {variation[joint]:.3g} {FORCE[units[joint]]}/s "
+            f"where the motion needs {needed[joint]:.3g}"
         )
         return joint, reason, True
     joint = int(np.argmax(error / allowed))
     if error[joint] > allowed[joint]:
         reason = (
-            f"joint '{names[joint]}' keeps an error of {error[joint]:.3g} rad in simulation, where "
+            f"joint '{names[joint]}' keeps an error of {error[joint]:.3g} {units[joint]} in simulation, where "
             f"{allowed[joint]:.3g} is allowed"
         )
         return joint, reason, False
