@@ -238,9 +238,10 @@ def test_lost_arm_is_exit_code_1_and_said_in_one_line(
     options = (*gains, *UNGUARDED, "--duration", "1.5", "--json", "--out", str(tmp_path))
     assert call(monkeypatch, "run", "panda", *options) == 1
     said = capsys.readouterr()
-    line = said.err.splitlines()[-1]
+    line, remedy = said.err.splitlines()[-2:]
     verdict = json.loads(said.out)["verdict"]
     assert not verdict["ok"]
+    assert remedy == "- " + verdict["remedies"][0]
     assert line == "failed: " + "; ".join(verdict["failures"])
     for words in ("beyond its position limit", "leave out --no-stops", "from its reference", "passed its limit"):
         assert words in line

@@ -74,6 +74,12 @@ class LawOptions(KnowledgeOptions):
         )
         return made, f"{surface} surface, {scheme} scheme"
 
+    def remedies(self) -> list[str]:
+        """Return what would help a run that failed with these gains."""
+        given = "--gains" if self.gains is not None else "--k1 and --k2"
+        is_given = self.gains is not None or self.k1 is not None
+        return [f"leave out {given}: run then tunes gains for this task"] if is_given else []
+
     def _from_file(self, file: Path, task: Task) -> ImpedanceController:
         """Build the controller of a file; what the file was not made for is noted."""
         gains, target = load_gains(file), task.target

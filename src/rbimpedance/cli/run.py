@@ -117,6 +117,7 @@ def run(
     controller, words = given or _tuned(task, output)
     payload = unknown.plant(task.arm).payload
     title = f"{task.arm.name}, payload {payload:g} kg, {words}, dt = {controller.dt:g} s"
+    remedies = law.remedies()
     checkpoint = Checkpoint(
         output.out / "result.checkpoint", f"{motion}, {acting}", resume=output.resume
     )
@@ -129,13 +130,14 @@ def run(
         )
     except DivergenceError as error:
         checkpoint.remove()
-        _end(output, title, [str(error)])
+        _end(output, title, [str(error)], remedies=remedies)
         raise typer.Exit(FAILED) from error
     checkpoint.remove()
     files = [*draw(result, _FIGURES, output.out), output.out / "result.npz"]
     if output.html is not None:
         files.append(result.save_html(output.html, environment=environment))
-    _end(output, title, [finding.words for finding in result.verdict().findings], result, files)
+    reasons = [finding.words for finding in result.verdict().findings]
+    _end(output, title, reasons, result, files, remedies if reasons else ())
 
 
 def _simulate(
