@@ -1,9 +1,16 @@
 from __future__ import annotations
 
+import logging
+
 import matplotlib as mpl
 import numpy as np
 import pytest
 from hypothesis import settings
+
+from rbimpedance._numba import COMPILING
+
+# Tests read what a command says; on a new machine this would be among it.
+logging.getLogger("rbimpedance").addFilter(lambda record: record.msg != COMPILING)
 
 mpl.use("Agg")  # no display in a test run
 

@@ -243,7 +243,12 @@ def test_lost_arm_is_exit_code_1_and_said_in_one_line(
     assert not verdict["ok"]
     assert remedy == "- " + verdict["remedies"][0]
     assert line == "failed: " + "; ".join(verdict["failures"])
-    for words in ("beyond its position limit", "leave out --no-stops", "from its reference", "passed its limit"):
+    for words in (
+        "beyond its position limit",
+        "leave out --no-stops",
+        "from its reference",
+        "passed its limit",
+    ):
         assert words in line
 
 

@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Literal
 
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 
 import rbimpedance as rbi
 from rbimpedance._common.frozen import set_fields
-from rbimpedance._numba import warn_once
+from rbimpedance._numba import COMPILING, warn_once
 from rbimpedance.control.backends import warm_up
 from rbimpedance.control.compiled import forms
 from rbimpedance.robot.compiled import dynamics
@@ -433,6 +434,16 @@ def _in_a_new_process(code: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=True
     )
+
+
+@pytest.mark.slow
+def test_the_first_compilation_on_a_machine_is_said_once(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    code = "import rbimpedance as rbi; rbi.ImpedanceController(rbi.load_robot('two_link'))"
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert _in_a_new_process(code).stderr.splitlines() == [COMPILING]
+    assert _in_a_new_process(code).stderr == ""
 
 
 @pytest.mark.slow

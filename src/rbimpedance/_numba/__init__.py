@@ -8,6 +8,8 @@ from __future__ import annotations
 import functools
 import logging
 
+COMPILING = "compiling: on a new machine that takes up to a minute, later a second or two"
+
 
 @functools.cache
 def warn_once(sentence: str) -> None:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import logging
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -15,7 +14,7 @@ from typing import Any, TypeVar
 from numba import njit, types
 from numba.core.caching import FunctionCache
 
-from . import warn_once
+from . import COMPILING, warn_once
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -99,16 +98,14 @@ class _PackageCache(FunctionCache):  # type: ignore[misc]
     formula: str | None = None
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the compiled function, or None where it has to be compiled, which is logged."""
+        """Return the compiled function, or None where it has to be compiled, which is said."""
         known = None
         try:
             known = super().load_overload(sig, target_context)
         except Exception:
             self.flush()
         if known is None:
-            logging.getLogger("rbimpedance").info(
-                "compiling for this machine, which takes some seconds, once: %s", self.cache_path
-            )
+            warn_once(COMPILING)
         return known
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
