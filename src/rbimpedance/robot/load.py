@@ -6,8 +6,8 @@ The order, one file of `loading` after the other:
    `xacro_expansion` expands it.
 2. `urdf_reader` reads the text strictly (`strict_xml`, `xml_faults`), repairs it on request (`repair`), and checks that
    links and joints make one robot (`urdf_tree`). What comes out is a `urdf_document`.
-3. `joint_selection` says which joints are locked, `model_building` has Pinocchio build the model and compares it with
-   the document; both are called by `full_robot`. A `pinocchio.Model` begins here.
+3. `full_robot` makes one robot of the document, or of a `pinocchio.Model` that is given: `joint_selection` says which
+   joints are locked, `model_building` has Pinocchio build the model and compares it with the document.
 4. `reduction` freezes what is locked, `soundness` checks mass and inertia, `tool_frame` and `model_notes` look at the
    result, which becomes the `ArmModel`.
 """
@@ -26,13 +26,14 @@ from .._common.arrays import gain, per_joint, vector
 from ..exceptions import ModelError
 from .arm_model import ArmModel
 from .loading.arguments import folders_of, given_positions, repair_names
-from .loading.full_robot import FullRobot, from_model, from_text
+from .loading.full_robot import FullRobot, from_document, from_model
 from .loading.model_notes import model_notes
 from .loading.recipe import accepting_no_mass, with_recipe
 from .loading.reduction import reduced
 from .loading.robot_sources import read_source
 from .loading.soundness import check_inertia, massless_joints, no_mass
 from .loading.tool_frame import default_tool_frame
+from .loading.urdf_reader import parse_urdf
 from .loading.wording import error_context, printable
 from .postures import set_ready
 
@@ -100,7 +101,8 @@ def load_robot(
     with error_context(""):
         text = read_source(source, folders, repairs, xacro_args)
     with error_context(text.origin):
-        robot = from_text(text, joints, lock, values, repairs)
+        document = parse_urdf(text.text, text.origin, repairs)
+        robot = from_document(document, text, joints, lock, values)
         robot = replace(robot, description=with_recipe(robot, source, folders, repairs))
         return _arm(robot, tool_frame, gravity, armature, massless=massless)
 

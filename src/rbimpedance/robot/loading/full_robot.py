@@ -16,7 +16,7 @@ from .model_building import build_model, checked_copy
 from .robot_text import RobotText
 from .srdf import ready_positions
 from .urdf_appearance import mesh_notes
-from .urdf_reader import parse_urdf
+from .urdf_document import UrdfDocument
 
 FLOATING_BASE = "root_joint"
 """Name of the joint of a floating base."""
@@ -85,27 +85,26 @@ def from_model(
     return FullRobot(model, model.name or "robot", locked, values, follows=primaries)
 
 
-def from_text(
+def from_document(
+    document: UrdfDocument,
     text: RobotText,
     joints: Iterable[str] | None,
     lock: Iterable[str],
     values: Mapping[str, float],
-    repairs: tuple[str, ...],
 ) -> FullRobot:
     """Return the model of a description, held against it, with the joints to freeze.
 
     Args:
-        text: The description.
+        document: The description.
+        text: Where it came from.
         joints: Names of the joints to keep; None keeps all.
         lock: Names of the joints to freeze.
         values: Positions of joints to freeze [rad or m].
-        repairs: Names of the repairs to make.
 
     Raises:
         ModelError: The description is not sound, or a name is unknown.
         UnsupportedJointError: Its base floats, or joints follow others in a way that Pinocchio cannot model.
     """
-    document = parse_urdf(text.text, text.origin, repairs)
     base = (FLOATING_BASE,) if text.floating else ()
     follows = {name: mimic.joint for name, mimic in document.mimics().items()}
     movable = (*base, *document.movable())

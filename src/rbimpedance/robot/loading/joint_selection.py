@@ -97,6 +97,7 @@ def _known(argument: str, names: Iterable[str], known: Sequence[str]) -> set[str
     there = set(known)
     for name in given:
         if not isinstance(name, str) or name not in there:
-            near = suggest(str(name), known)
-            raise ModelError(f"{argument}= names '{name}', which is no movable joint{near}")
+            raise ModelError(
+                f"{argument}= names '{name}', which is no movable joint{suggest(str(name), known)}"
+            )
     return set(given)

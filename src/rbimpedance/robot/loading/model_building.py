@@ -98,16 +98,23 @@ def _check_mimics(
         if reason:
             faults.setdefault((rule.joint, reason), []).append(name)
     if faults:
-        names = [name for group in faults.values() for name in group]
-        reasons = [
-            f"{listed(group)} {reason}" + ("" if primary in kinds else suggest(primary, kinds))
-            for (primary, reason), group in list(faults.items())[:_SHOWN]
-        ]
-        more = "; ..." if len(faults) > _SHOWN else ""
-        quoted = ", ".join(f'"{name}"' for name in names)
-        raise UnsupportedJointError(
-            names, f"{'; '.join(reasons)}{more}; correct the file or freeze with lock=({quoted},)"
-        )
+        raise _unsupported(faults, kinds)
+
+
+def _unsupported(
+    faults: Mapping[tuple[str, str], list[str]], kinds: Mapping[str, str]
+) -> UnsupportedJointError:
+    """The error of joints that cannot follow others, by what they mimic and the reason."""
+    names = [name for group in faults.values() for name in group]
+    reasons = [
+        f"{listed(group)} {reason}" + ("" if primary in kinds else suggest(primary, kinds))
+        for (primary, reason), group in list(faults.items())[:_SHOWN]
+    ]
+    more = "; ..." if len(faults) > _SHOWN else ""
+    quoted = ", ".join(f'"{name}"' for name in names)
+    return UnsupportedJointError(
+        names, f"{'; '.join(reasons)}{more}; correct the file or freeze with lock=({quoted},)"
+    )
 
 
 def _mimic_fault(name: str, rule: Mimic, kinds: Mapping[str, str], order: Sequence[str]) -> str:

@@ -164,8 +164,9 @@ def _read_joint(element: etree._Element) -> Joint:
     if not kind:
         raise ModelError(f"{where} needs the attribute type, one of {listed(_KINDS)}")
     if kind not in _KINDS:
-        near = suggest(kind[:MAX_NAME], _KINDS)
-        raise ModelError(f"{where} has the unknown type '{shortened(kind)}'{near}")
+        raise ModelError(
+            f"{where} has the unknown type '{shortened(kind)}'{suggest(kind[:MAX_NAME], _KINDS)}"
+        )
     parent, child = (
         text_of(required_child(element, tag, where), "link", where) for tag in ("parent", "child")
     )
