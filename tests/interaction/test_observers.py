@@ -112,17 +112,10 @@ def test_sine_is_followed_with_the_lag_that_theory_gives(scheme: Scheme) -> None
 def test_what_the_papers_controller_does_not_know_is_found(scheme: Scheme) -> None:
     arm, reaching, errors = rbi.load_robot("two_link"), rbi.SuperTwisting(60.0, 200.0, scheme), []
     for dt in (2e-3, 1e-3):
-        scenario = rbi.scenarios.paper(surface="fast-terminal", scheme="matched", dt=dt)
-        result = rbi.simulate(
-            scenario.controller,
-            scenario.plant,
-            scenario.trajectory,
-            environment=scenario.environment,
-            q0=scenario.q0,
-            duration=5.0,
-            substeps=1,
-            integrator="rk4",
+        scenario = rbi.scenarios.paper(
+            surface="fast-terminal", scheme="matched", dt=dt, duration=5.0, substeps=1
         )
+        result = dataclasses.replace(scenario, integrator="rk4").simulate()
         w = rbi.estimate_disturbance(result, arm, reaching, model="inertia")
         motion = zip(result.q, result.v, strict=True)
         truth = np.array([-two_link.bias(q, v) for q, v in motion])  # -(C v + G + F v)

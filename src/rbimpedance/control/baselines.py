@@ -129,7 +129,33 @@ class PDPlus(MemorylessBaseline):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class FirstOrderSlidingMode(MemorylessBaseline):
+class _Sliding(MemorylessBaseline):
+    """What the baselines with a sliding variable share: λ or Λ, and a gain."""
+
+    surface_rate: Array
+    gain: Array
+
+    @renamed_arguments(knowledge="model")
+    def __init__(
+        self,
+        arm: ArmModel,
+        impedance: TargetImpedance,
+        surface_rate: ArrayLike,
+        gain: ArrayLike,
+        dt: float,
+        *,
+        model: Knowledge = "full",
+    ) -> None:
+        super().__init__(arm, impedance, dt, model=model)
+        set_fields(
+            self,
+            surface_rate=positive("surface_rate", surface_rate, arm.nv),
+            gain=positive("gain", gain, arm.nv),
+        )
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class FirstOrderSlidingMode(_Sliding):
     """First-order sliding mode towards q_r, with s = e2 + λ·e1 and ṡ = -u + w.
 
         tau = RNEA(q, v, a_r + λ·e2 + u) - tau_ext,    u = k·switch(s)
@@ -156,8 +182,6 @@ class FirstOrderSlidingMode(MemorylessBaseline):
         DimensionError: A gain is given for another number of joints.
     """
 
-    surface_rate: Array
-    gain: Array
     smoothing: Smoothing
     width: Array | None
 
@@ -174,7 +198,7 @@ class FirstOrderSlidingMode(MemorylessBaseline):
         *,
         model: Knowledge = "full",
     ) -> None:
-        super().__init__(arm, impedance, dt, model=model)
+        super().__init__(arm, impedance, surface_rate, gain, dt, model=model)
         if smoothing not in get_args(Smoothing):
             names = ", ".join(map(repr, get_args(Smoothing)))
             raise ParameterError("smoothing", smoothing, f"one of {names}")
@@ -182,13 +206,8 @@ class FirstOrderSlidingMode(MemorylessBaseline):
             raise ParameterError(
                 "width", width, "given with a boundary layer or a dead zone, only there"
             )
-        set_fields(
-            self,
-            surface_rate=positive("surface_rate", surface_rate, arm.nv),
-            gain=positive("gain", gain, arm.nv),
-            smoothing=smoothing,
-            width=None if width is None else positive("width", width, arm.nv),
-        )
+        width = None if width is None else positive("width", width, arm.nv)
+        set_fields(self, smoothing=smoothing, width=width)
 
     def _law(self, tick: Tracking) -> BaselineTorque:
         rate = self.surface_rate
@@ -209,7 +228,7 @@ class FirstOrderSlidingMode(MemorylessBaseline):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class SlotineLi(MemorylessBaseline):
+class SlotineLi(_Sliding):
     """Passivity-based sliding towards q_r (Slotine and Li 1987), without adaptation.
 
         tau = M(q) a_s + C(q, v) v_s + g(q) + friction(v) + K_s·s - tau_ext,
@@ -234,27 +253,6 @@ class SlotineLi(MemorylessBaseline):
         J.-J. E. Slotine, W. Li, On the adaptive control of robot manipulators, International Journal
         of Robotics Research 6, 1987.
     """
-
-    surface_rate: Array
-    gain: Array
-
-    @renamed_arguments(knowledge="model")
-    def __init__(
-        self,
-        arm: ArmModel,
-        impedance: TargetImpedance,
-        surface_rate: ArrayLike,
-        gain: ArrayLike,
-        dt: float,
-        *,
-        model: Knowledge = "full",
-    ) -> None:
-        super().__init__(arm, impedance, dt, model=model)
-        set_fields(
-            self,
-            surface_rate=positive("surface_rate", surface_rate, arm.nv),
-            gain=positive("gain", gain, arm.nv),
-        )
 
     def _law(self, tick: Tracking) -> BaselineTorque:
         v_s = tick.v_r + self.surface_rate * tick.e1

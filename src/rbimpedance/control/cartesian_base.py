@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Any, Generic, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +17,7 @@ from ..law.rotations import RotationVector
 from ..robot.arm_model import ArmModel
 from ..robot.tool_kinematics import ToolMotion, rotation_error
 from .cartesian_telemetry import CartesianOutput
-from .protocol import StateT, checked_period
+from .protocol import StateT, TickBase, checked_period
 
 
 class ToolMeasured(NamedTuple):
@@ -82,7 +82,7 @@ class ToolErrors(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class CartesianControllerBase(ABC, Generic[StateT]):
+class CartesianControllerBase(TickBase[StateT, ToolMeasured, CartesianOutput]):
     """What every controller at the tool offers, described once; children give `init`, `_step` and `_elapsed`.
 
     Attributes:
@@ -98,18 +98,6 @@ class CartesianControllerBase(ABC, Generic[StateT]):
     dt: float
     frame: str
     damping: Damping
-
-    @abstractmethod
-    def init(self) -> StateT:
-        """Return the state before the first tick."""
-
-    @abstractmethod
-    def _step(self, state: StateT, given: ToolMeasured) -> tuple[CartesianOutput, StateT]:
-        """A tick whose measured period is in the state already."""
-
-    @abstractmethod
-    def _elapsed(self, state: StateT, period: float) -> StateT:
-        """`elapsed`, of a period that has been checked and is not dt."""
 
     @property
     @abstractmethod
@@ -159,15 +147,7 @@ class CartesianControllerBase(ABC, Generic[StateT]):
         return self._step(state, given)
 
     def elapsed(self, state: StateT, period: float) -> StateT:
-        """Return the state at a tick that comes a measured time after the one before; see `ControllerBase.elapsed`.
-
-        Args:
-            state: From the tick before.
-            period: Time since then, more than 0 and at most `LONGEST_PERIOD`·dt [s].
-
-        Raises:
-            InputError: Not such a number.
-        """
+        """See `TickBase.elapsed`; `_elapsed` is given a period that is checked and not dt."""
         period, ticks = checked_period(period, self.dt), getattr(state, "ticks", 0)
         return state if ticks == 0 or period == self.dt else self._elapsed(state, period)
 

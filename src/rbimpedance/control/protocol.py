@@ -21,6 +21,8 @@ Backend = Literal["numpy", "pinocchio", "compiled"]
 
 StateT = TypeVar("StateT")
 OutputT = TypeVar("OutputT", bound=ControllerOutput)
+GivenT = TypeVar("GivenT")
+AnswerT = TypeVar("AnswerT")
 
 LONGEST_PERIOD = 100.0
 """Longest measured period that a tick accepts, in control periods."""
@@ -83,20 +85,39 @@ class Measured(NamedTuple):
     tau_ext: ArrayLike
 
 
-class ControllerBase(ABC, Generic[StateT, OutputT]):
-    """What every controller of the library offers, described once; children give `init`, `_step` and `_elapsed`."""
+class TickBase(ABC, Generic[StateT, GivenT, AnswerT]):
+    """What controllers of joints and of the tool share: a tick, and a tick that comes late."""
 
     @abstractmethod
     def init(self) -> StateT:
         """Return the state before the first tick."""
 
     @abstractmethod
-    def _step(self, state: StateT, given: Measured) -> tuple[OutputT, StateT]:
+    def _step(self, state: StateT, given: GivenT) -> tuple[AnswerT, StateT]:
         """A tick whose measured period is in the state already."""
 
     @abstractmethod
     def _elapsed(self, state: StateT, period: float) -> StateT:
         """`elapsed`; it checks the period, or leaves that to the controller inside."""
+
+    def elapsed(self, state: StateT, period: float) -> StateT:
+        """Return the state at a tick that comes a measured time after the one before, instead of dt after it.
+
+        The impedance filter repeats its step over the measured time, exact for constant tau_ext; integrals grow in
+        proportion. The law's own period stays dt, since the torque of this tick is expected to be held for dt.
+
+        Args:
+            state: From the tick before.
+            period: Time since then, more than 0 and at most `LONGEST_PERIOD`·dt [s].
+
+        Raises:
+            InputError: Not such a number.
+        """
+        return self._elapsed(state, period)
+
+
+class ControllerBase(TickBase[StateT, Measured, OutputT]):
+    """What every controller of the library offers, described once; children give `init`, `_step` and `_elapsed`."""
 
     def step(
         self,
@@ -137,21 +158,6 @@ class ControllerBase(ABC, Generic[StateT, OutputT]):
         """
         zero, q = np.zeros(self.arm.nv), self.arm.ready
         self.step(self.init(), q, zero, Reference(q, zero, zero), zero)
-
-    def elapsed(self, state: StateT, period: float) -> StateT:
-        """Return the state at a tick that comes a measured time after the one before, instead of dt after it.
-
-        The impedance filter repeats its step over the measured time, exact for constant tau_ext; integrals grow in
-        proportion. The law's own period stays dt, since the torque of this tick is expected to be held for dt.
-
-        Args:
-            state: From the tick before.
-            period: Time since then, more than 0 and at most `LONGEST_PERIOD`·dt [s].
-
-        Raises:
-            InputError: Not such a number.
-        """
-        return self._elapsed(state, period)
 
 
 class SensorlessBase(ControllerBase[StateT, OutputT]):

@@ -36,14 +36,14 @@ def of_joints(controller: _Wrapped) -> _Wrapped:
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class ControllerWrapper(ControllerBase[WrapperStateT, OutputT]):
-    """A controller around a controller; children give `init` and `_step`, and change what else they need to.
+class Around:
+    """What has a controller inside has its arm and its period.
 
     Attributes:
         controller: The controller inside.
     """
 
-    controller: WrappableController[Any]
+    controller: WrappableController[Any] | CartesianControllerBase[Any]
 
     @property
     def arm(self) -> ArmModel:
@@ -54,6 +54,17 @@ class ControllerWrapper(ControllerBase[WrapperStateT, OutputT]):
     def dt(self) -> float:
         """Control period [s]."""
         return self.controller.dt
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class ControllerWrapper(Around, ControllerBase[WrapperStateT, OutputT]):
+    """A controller around a controller; children give `init` and `_step`, and change what else they need to.
+
+    Attributes:
+        controller: The controller inside.
+    """
+
+    controller: WrappableController[Any]
 
     @property
     def impedance(self) -> TargetImpedance:

@@ -197,7 +197,7 @@ class _Threads:
     def _run_portion(self, block: range, portion: list[int], samples: dict[int, Any]) -> None:
         """Run some worlds, in one thread."""
         from .compiled.log import journal  # noqa: PLC0415
-        from .compiled.world import desk  # noqa: PLC0415
+        from .compiled.world import Block, desk  # noqa: PLC0415
 
         log, plant = self.log, self.loops[portion[0]].plant
         space = desk(plant.nq, plant.nv)
@@ -206,7 +206,7 @@ class _Threads:
             reference = samples.get(id(loop.trajectory)) or self._reference(i, block)
             drive = samples.get(id(loop.environment)) or self._drive(i, block)
             book = journal({name: x[i] for name, x in log.channels.items()}, log.every)
-            outcome = world.run(block, reference, drive, space, book, self.figures.get(i))
+            outcome = world.run(Block(block, reference, drive, space, book, self.figures.get(i)))
             if outcome.ending == "diverged":
                 log.end_early(i, outcome.tick, loop.plant.joint_names[outcome.joint])
             elif outcome.ending == "unsound":

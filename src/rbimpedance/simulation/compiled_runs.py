@@ -27,10 +27,10 @@ from .tool_view import ToolView
 if TYPE_CHECKING:
     from ..robot.compiled.tables import ArmTables
     from .compiled.loop import Controlled
-    from .compiled.world import Outcome, World
+    from .compiled.world import Block, Outcome, World
 
-RunBlock: TypeAlias = "Callable[..., Outcome]"
-"""Runs a block of ticks, given the reference, what drives the environment, work space and log."""
+RunBlock: TypeAlias = "Callable[[Block], Outcome]"
+"""Runs a block of ticks."""
 
 STATES = 20
 """Random states at which a plant's compiled dynamics are compared with Pinocchio's."""
@@ -53,10 +53,10 @@ def run_compiled(
     if on_tick is not None:
         on_tick(0, loop.ticks)
 
-    def run_block(block: range, *given: Any) -> Outcome:
-        outcome = world.run(block, *given)
+    def run_block(block: Block) -> Outcome:
+        outcome = world.run(block)
         if on_tick is not None and outcome.ending == "finished":
-            on_tick(block.stop - 1, loop.ticks)
+            on_tick(block.ticks.stop - 1, loop.ticks)
         return outcome
 
     return _run_by_blocks(loop, world, run_block, checkpoint)
@@ -67,10 +67,7 @@ def run_around_pinocchio(
 ) -> SimulationResult | None:
     """Run a closed loop with kernels between Pinocchio's algorithms; None where it has no such form.
 
-    Raises:
-        DivergenceError: A joint left every sensible range.
-        InputError: The reference or the environment is not what a controller takes.
-        SnapshotError: The checkpoint is of another run, or damaged.
+    Its errors are those of `run_compiled`, but for the compiled dynamics.
     """
     controller: Any = loop.controller
     if reason_against(loop) is not None or isinstance(controller._form, NumpyTick):
@@ -104,14 +101,14 @@ def _around_pinocchio(loop: ClosedLoop, world: World, on_tick: OnTick | None) ->
     tick, own = controller._form.in_place(world.memory.motion.tau)
     aba, substeps = loop.plant.raw_dynamics.aba, range(loop.substeps)
 
-    def run_block(block: range, *given: Any) -> Outcome:
-        between = world.between(block, *given)
+    def run_block(block: Block) -> Outcome:
+        between = world.between(block)
         begin, act, move = loop_kernels(between)
         held, desk, (q, v, _, _, tau_ext) = hold(between), between.desk, between.motion
         memory, torque = between.block, between.torque
         reference = Reference(desk.q_d, desk.v_d, desk.a_d)
         begin(held)
-        for k in block:
+        for k in block.ticks:
             if not tick(own, memory, q, v, reference, tau_ext):
                 return Outcome("unsound", k, 0)
             act(held)
@@ -133,7 +130,7 @@ def _run_by_blocks(
 ) -> SimulationResult | None:
     """Run a loop block of ticks by block; None where the compiled tick refuses inputs that the readable one takes."""
     from .compiled.log import journal  # noqa: PLC0415 (Numba is loaded when needed)
-    from .compiled.world import desk  # noqa: PLC0415
+    from .compiled.world import Block, desk  # noqa: PLC0415
 
     nq, nv = loop.plant.nq, loop.plant.nv
     channels, space = empty_channels(loop.ticks + 1, nq, nv), desk(nq, nv)
@@ -142,16 +139,16 @@ def _run_by_blocks(
     if checkpoint is not None:
         arrays = (*world.memory.motion, world.memory.even, world.memory.odd)
         blocks = checkpoint.blocks(blocks, arrays, channels, loop.fingerprint())
-    for block in blocks:
+    for ticks in blocks:
         reference = sample(
-            loop.controller.arm, loop.trajectory, tick_times(block, loop.controller.dt)
+            loop.controller.arm, loop.trajectory, tick_times(ticks, loop.controller.dt)
         )
-        drive = world.surroundings.sampled(world.times(block))
-        outcome = run_block(block, reference, drive, space, book)
+        drive = world.surroundings.sampled(world.times(ticks))
+        outcome = run_block(Block(ticks, reference, drive, space, book))
         if outcome.ending == "diverged":
             raise loop.divergence(outcome.tick, outcome.joint, channels)
         if outcome.ending == "unsound":
-            check_inputs(loop, world, reference, outcome.tick - block.start)
+            check_inputs(loop, world, reference, outcome.tick - ticks.start)
             return None
     return loop.result(channels, loop.ticks + 1)
 

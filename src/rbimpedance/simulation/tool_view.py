@@ -10,6 +10,7 @@ import numpy as np
 from .._common.arrays import Array, BoolArray
 from ..control.cartesian_base import CartesianControllerBase
 from ..control.cartesian_telemetry import CartesianOutput
+from ..control.wrapper import Around
 from ..exceptions import ParameterError
 from ..interaction import Interaction, Perfect, Sensor
 from ..interaction.wrenches import AppliedWrench, FrameInteraction, says_where, wrench_at
@@ -52,7 +53,7 @@ class ToolTick(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ToolView:
+class ToolView(Around):
     """A `CartesianController` as what the closed loop takes.
 
     Attributes:
@@ -63,16 +64,6 @@ class ToolView:
 
     controller: CartesianControllerBase[Any]
     measures_wrench: bool
-
-    @property
-    def arm(self) -> ArmModel:
-        """The controller's model of the arm."""
-        return self.controller.arm
-
-    @property
-    def dt(self) -> float:
-        """Control period [s]."""
-        return self.controller.dt
 
     def init(self) -> Any:
         """Return the state before the first tick."""

@@ -76,14 +76,8 @@ def judge_v(
 ) -> float:
     """Find where v cannot be used and what is out of range, after `judge_q`; see `Monitor`.
 
-    Args:
-        range_: The stated range.
-        before: State of the tick before.
-        after: The next state.
-        moved: Motion since the last sound position, shape (nv,).
-        position: Measured position, shape (nv,).
-        v: Measured velocity, shape (nv,); NaN where there is none.
-        is_first: Whether there was no tick before.
+    `position` are the measured positions, shape (nv,); `is_first` is 1 where there was no tick before. All else is as
+    `judge_q` has it.
 
     Returns:
         The largest sum of the bits that were found on a joint.

@@ -77,6 +77,26 @@ class Settings(NamedTuple):
         return [range(start, min(start + size, end)) for start in range(0, end, size)]
 
 
+class Block(NamedTuple):
+    """A block of ticks, and what it needs.
+
+    Attributes:
+        ticks: The ticks.
+        reference: Desired motion at each: checked arrays of one row a tick, or of one row for all.
+        drive: What of the environment depends on time, at `World.times`.
+        desk: Work space; two threads must not share one.
+        journal: Where the channels go.
+        figures: Where the figures of merit go; None where they are not wanted.
+    """
+
+    ticks: range
+    reference: Reference
+    drive: Drive
+    desk: LoopWorkspace
+    journal: LogArrays
+    figures: MetricSums | None = None
+
+
 _INTEGRATORS = {"semi-implicit": SEMI_IMPLICIT, "stiff": STIFF, "rk4": RUNGE_KUTTA}
 
 
@@ -138,44 +158,20 @@ class World:
             np.zeros(2, dtype=np.int64),
         )
 
-    def between(
-        self,
-        block: range,
-        reference: Reference,
-        drive: Drive,
-        desk: LoopWorkspace,
-        journal: LogArrays,
-    ) -> Between:
-        """Return what the kernels between Pinocchio's algorithms need for a block; see `run`."""
-        environment, motion = self.surroundings.driven(drive), self.memory.motion
+    def between(self, block: Block) -> Between:
+        """Return what the kernels between Pinocchio's algorithms need for a block."""
+        environment, motion = self.surroundings.driven(block.drive), self.memory.motion
         return Between(
-            self.controlled, self.plant, environment, ReferenceSamples(*reference), motion, desk,
-            self.clock(block), journal, no_figures(), self.memory.even, np.zeros(len(motion.v)),
+            self.controlled, self.plant, environment, ReferenceSamples(*block.reference), motion, block.desk,
+            self.clock(block.ticks), block.journal, no_figures(), self.memory.even, np.zeros(len(motion.v)),
         )  # fmt: skip
 
-    def run(
-        self,
-        block: range,
-        reference: Reference,
-        drive: Drive,
-        desk: LoopWorkspace,
-        journal: LogArrays,
-        figures: MetricSums | None = None,
-    ) -> Outcome:
-        """Do a block of ticks, without the interpreter's lock.
-
-        Args:
-            block: The ticks.
-            reference: Desired motion at each: checked arrays of one row a tick, or of one row for all.
-            drive: What of the environment depends on time, at `times`.
-            desk: Work space; two threads must not share one.
-            journal: Where the channels go.
-            figures: Where the figures of merit go.
-        """
-        clock = self.clock(block)
+    def run(self, block: Block) -> Outcome:
+        """Do a block of ticks, without the interpreter's lock."""
+        clock = self.clock(block.ticks)
         arguments = (
-            self.controlled, self.plant, self.surroundings.driven(drive), ReferenceSamples(*reference),
-            self.memory, desk, clock, journal, no_figures() if figures is None else figures,
+            self.controlled, self.plant, self.surroundings.driven(block.drive), ReferenceSamples(*block.reference),
+            self.memory, block.desk, clock, block.journal, block.figures or no_figures(),
         )  # fmt: skip
         status = rollout(arguments)(*arguments)
         tick, joint = clock.outcome.tolist()
