@@ -1,11 +1,11 @@
 """What each law makes of usual hardware.
 
-    python -m benchmarks.control.hardware.compare [--arms panda ...] [--every 2]
+    python -m benchmarks.control.hardware.compare [--arms panda ...] [--only laws] [--bits 17 19 24]
 
-Writes docs/figures/hardware_laws.json, and the tables about it in docs/hardware-limits.md. Every linear law is tuned
-per arm and encoder over a grid of twelve settings for the least error at no more than twice the torque variation of
-perfect sensing; ours is what `propose_gains` proposes. `--only` measures some parts, `--every 2` takes half
-of the settings, `--bits 17 19 24` tunes them for these encoders.
+Writes docs/figures/hardware_laws.json, two figures, and the tables about it in docs/hardware-limits.md. Every linear
+law is tuned per arm and encoder in twelve runs for the least error at no more than twice the torque variation of
+perfect sensing; ours is what `propose_gains` proposes. `--only` measures some parts, `--bits` tunes the linear laws for
+these encoders.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from benchmarks.arms import ARMS, load
 from benchmarks.progress import bar
 from rbimpedance.simulation.plants.elasticity import enough_substeps
 
-from . import compare_page
-from .linear_laws import DT, GRIDS, TARGET, Candidate
+from . import compare_figures, compare_page
+from .linear_laws import DT, LAWS, TARGET, Law, Settings, around
 
 LENGTH, SHORT, LATE = 6.0, 4.0, 2.0
 """Length of a run, of one in the search over a grid, and the time from which they are evaluated [s]."""
@@ -67,6 +67,10 @@ RANGES: dict[str, dict[str, Any]] = {
     "friction 10 N·m": {"coulomb": 10.0},
 }
 """Changes of the usual hardware with 19 bits, one at a time."""
+MAP_BITS, MAP_LAGS = (16, 18, 20, 22, 24), (1e-3, 2e-3, 3e-3, 5e-3)  # s
+DRAWN = "panda"
+"""The arm of the figures."""
+PARTS = ("ours", "standing", "laws", "springs", "ranges", "map")
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +128,33 @@ class Case:
         return lambda _: held
 
 
+def simulated(
+    case: Case,
+    controller: Any,
+    hardware: rbi.Hardware,
+    motion: Any,
+    push: Any = PUSH,
+    length: float = LENGTH,
+) -> rbi.SimulationResult:
+    """The heaviest plant on the hardware, under a controller that is behind its encoders already.
+
+    Raises:
+        DivergenceError: The arm is lost.
+    """
+    plant = case.plant()
+    driven = rbi.DrivenPlant.for_(hardware, plant, DT)
+    q0 = np.array(plant.neutral)
+    return rbi.simulate(
+        controller,
+        driven,
+        motion,
+        environment=push,
+        q0=q0,
+        duration=length,
+        substeps=enough_substeps(driven, q0, DT),
+    )
+
+
 def run(
     case: Case,
     controller: Any,
@@ -134,17 +165,8 @@ def run(
 ) -> dict[str, Any]:
     """Error from 2 s on [rad], and torque variation [N·m/s], of a run."""
     plant = case.plant()
-    driven = rbi.DrivenPlant.for_(hardware, plant, DT)
     try:
-        result = rbi.simulate(
-            controller,
-            driven,
-            motion,
-            environment=push,
-            q0=np.array(plant.neutral),
-            duration=length,
-            substeps=enough_substeps(driven, np.array(plant.neutral), DT),
-        )
+        result = simulated(case, controller, hardware, motion, push, length)
     except rbi.DivergenceError:
         return {"error": np.inf, "variation": np.inf}
     late = result.t >= LATE
@@ -191,29 +213,43 @@ def our_run(case: Case, hardware: rbi.Hardware, length: float = LENGTH) -> dict[
     return found
 
 
-def tuned(
-    case: Case, hardware: rbi.Hardware, grid: Sequence[Candidate], said: Callable[[], None]
-) -> dict[str, Any]:
-    """The candidate with the least error among the quiet ones, or the quietest; found in short runs."""
-    cap, runs = CAP * needed(case, float(hardware.ripple), SHORT), []
-    for candidate in grid:
-        law = candidate.controller(case.model(), hardware)
-        runs.append(run(case, law, hardware, case.motion(), length=SHORT) | {"law": candidate})
-        said()
-    quiet = [each for each in runs if each["variation"] <= cap]
-    best = min(quiet or runs, key=lambda each: each["error" if quiet else "variation"])["law"]
-    law = best.controller(case.model(), hardware)
-    return run(case, law, hardware, case.motion()) | {"settings": best.words}
+def tuned(case: Case, hardware: rbi.Hardware, law: Law, said: Callable[[], None]) -> dict[str, Any]:
+    """The settings with the least error among the quiet ones, or the quietest: six coarse ones, six around the best.
+
+    The search is done in short runs. What it finds is run in full, the best first, until one is quiet there, too.
+    """
+    model, found = case.model(), list[dict[str, Any]]()
+    cap, whole = (CAP * needed(case, float(hardware.ripple), length) for length in (SHORT, LENGTH))
+
+    def measured(at: Settings, length: float) -> dict[str, Any]:
+        controller = law.build(model, hardware, at)
+        return run(case, controller, hardware, case.motion(), length=length) | {"settings": at}
+
+    def ranked(cap: float) -> list[dict[str, Any]]:
+        quiet = [each for each in found if each["variation"] <= cap]
+        quietest = min(found, key=lambda each: each["variation"])
+        return sorted(quiet, key=lambda each: each["error"]) or [quietest]
+
+    for settings in (lambda: law.coarse, lambda: around(ranked(cap)[0]["settings"])):
+        for at in settings():
+            found.append(measured(at, SHORT))
+            said()
+    tried = list[dict[str, Any]]()
+    for each in ranked(cap):
+        tried.append(measured(each["settings"], LENGTH))
+        if tried[-1]["variation"] <= whole:
+            return tried[-1]
+    return min(tried, key=lambda each: each["variation"])
 
 
-def laws(name: str, bits: int, stride: int, said: Callable[[], None]) -> dict[str, Any]:
+def laws(name: str, bits: int, said: Callable[[], None]) -> dict[str, Any]:
     """Every law on one arm with one encoder."""
     case, hardware = Case(name), rbi.Hardware(encoder_bits=bits, **USUAL)
     found: dict[str, Any] = {}
     usual = rbi.QuantizedEncoders.for_(hardware, rbi.ImpedanceController(case.model(), TARGET))
     found["default, differences"] = run(case, usual, hardware, case.motion())
-    for label, grid in GRIDS.items():
-        found[label] = tuned(case, hardware, grid[::stride], said)
+    for label, law in LAWS.items():
+        found[label] = tuned(case, hardware, law, said)
     return found
 
 
@@ -235,6 +271,34 @@ def springs(name: str) -> Iterator[tuple[str, dict[str, Any]]]:
         yield str(rotor), our_run(case, hardware, SHORT) | {"need": need}
 
 
+def error_map(name: str) -> dict[str, Any]:
+    """Ours over bits and lag; infinite where it is refused."""
+    case = Case(name)
+    errors = [
+        [
+            our_run(case, rbi.Hardware(**(USUAL | {"encoder_bits": b, "torque_lag": lag}))).get(
+                "error", np.inf
+            )
+            for lag in MAP_LAGS
+        ]
+        for b in MAP_BITS
+    ]
+    return {"bits": MAP_BITS, "lags": MAP_LAGS, "errors": errors}
+
+
+def before_and_after(name: str) -> dict[str, rbi.SimulationResult]:
+    """Runs on 19 bits: the default law on differences, and ours."""
+    case, hardware = Case(name), rbi.Hardware(encoder_bits=19, **USUAL)
+    laws: dict[str, Any] = {
+        "default, differences": rbi.ImpedanceController(case.model(), TARGET),
+        "ours": ours(case, hardware).controller(TARGET),
+    }
+    return {
+        label: simulated(case, rbi.QuantizedEncoders.for_(hardware, law), hardware, case.motion())
+        for label, law in laws.items()
+    }
+
+
 def standing(name: str) -> dict[str, Any]:
     """At rest on 17 bits, with friction that rises by half and not by the fifth that the gains were made for."""
     case, hardware = Case(name), rbi.Hardware(**({"encoder_bits": 17, **USUAL}))
@@ -243,7 +307,7 @@ def standing(name: str) -> dict[str, Any]:
 
 
 def one_arm(
-    name: str, stride: int, bits: Sequence[int], parts: set[str], said: Callable[[], None]
+    name: str, bits: Sequence[int], parts: set[str], said: Callable[[], None]
 ) -> dict[str, Any]:
     """Everything of one arm."""
     found: dict[str, Any] = {"need": needed(Case(name), USUAL["ripple"])}
@@ -254,11 +318,13 @@ def one_arm(
     if "standing" in parts:
         found["standing"] = standing(name)
     if "laws" in parts:
-        found["laws"] = {str(b): laws(name, b, stride, said) for b in bits}
+        found["laws"] = {str(b): laws(name, b, said) for b in bits}
     if "springs" in parts:
         found["springs"] = dict(springs(name))
     if "ranges" in parts:
         found["ranges"] = dict(ranges(name))
+    if "map" in parts:
+        found["map"] = error_map(name)
     return found
 
 
@@ -266,13 +332,8 @@ def main() -> None:
     """Measure, write, tabulate."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--arms", nargs="*", choices=ARMS, default=list(ARMS))
-    parser.add_argument(
-        "--every", type=int, default=1, help="take every so many settings of a grid"
-    )
-    parser.add_argument("--bits", nargs="*", type=int, default=[19], help="of the linear laws")
-    parser.add_argument(
-        "--only", nargs="*", default=["ours", "standing", "laws", "springs", "ranges"]
-    )
+    parser.add_argument("--bits", nargs="*", type=int, default=[*BITS], help="of the linear laws")
+    parser.add_argument("--only", nargs="*", choices=PARTS, default=list(PARTS))
     parser.add_argument("--out", type=Path, default=pages.FIGURES)
     parser.add_argument("--docs", type=Path, default=pages.DOCS, help="folder of the page")
     parser.add_argument("--draw", action="store_true", help="only tabulate what is there")
@@ -280,18 +341,21 @@ def main() -> None:
     logging.getLogger("rbimpedance").setLevel(logging.ERROR)
     path = asked.out / "hardware_laws.json"
     rows = json.loads(path.read_text("utf-8")) if path.exists() else {}
-    stride = asked.every
-    runs = len(asked.bits) * sum(len(grid[::stride]) for grid in GRIDS.values())
+    runs = len(asked.bits) * sum(2 * len(law.coarse) for law in LAWS.values())
     if not asked.draw:
         with bar() as progress:
             task = progress.add_task("runs", total=runs * len(asked.arms))
             for name in asked.arms:
-                found = one_arm(
-                    name, stride, asked.bits, set(asked.only), lambda: progress.advance(task)
-                )
-                rows[name] = rows.get(name, {}) | pages.plain(found)
+                found = one_arm(name, asked.bits, set(asked.only), lambda: progress.advance(task))
+                before = rows.get(name, {})
+                rows[name] = before | pages.plain(found)
+                if "laws" in found:  # those of other encoders stay
+                    rows[name]["laws"] = before.get("laws", {}) | pages.plain(found["laws"])
                 rows = {each: rows[each] for each in ARMS if each in rows}
                 path.write_text(json.dumps(rows, indent=1) + "\n", "utf-8")
+    if not asked.draw and "map" in asked.only and DRAWN in asked.arms:
+        compare_figures.draw_map(DRAWN, rows[DRAWN]["map"], asked.out)
+        compare_figures.draw_noise(before_and_after(DRAWN), asked.out)
     pages.rewrite(asked.docs / "hardware-limits.md", compare_page.tables(rows))
 
 

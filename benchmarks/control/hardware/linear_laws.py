@@ -1,11 +1,11 @@
-"""The linear laws that users have, around the impedance reference, and the grids over which they are tuned."""
+"""The linear laws that users have, around the impedance reference, and where the search for their settings begins."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -103,53 +103,60 @@ def _observed(law: Any, hardware: rbi.Hardware, bandwidth: float) -> Any:
     return rbi.QuantizedEncoders.for_(hardware, ObservedController(law, hardware, bandwidth))
 
 
-class Candidate(NamedTuple):
-    """A law with its settings in words."""
-
-    words: str
-    controller: Callable[[rbi.ArmModel, rbi.Hardware], Any]
+Settings: TypeAlias = tuple[float, ...]
+"""Rates in rad/s: of the loop first, then of what is filtered or observed."""
 
 
-def _pd() -> Iterator[Candidate]:
-    for omega, low in product((12.0, 20.0, 40.0, 80.0), (30.0, 80.0, 400.0)):
-        yield Candidate(
-            f"ω = {omega:g}, low-pass {low:g}",
-            lambda arm, hw, w=omega, f=low: _counted(PDAroundReference(arm, w), hw, f),
-        )
+class Law(NamedTuple):
+    """A linear law and where the search for its settings begins.
+
+    Attributes:
+        build: Makes it from a model, the hardware and settings.
+        coarse: Six settings that cover what encoders of 17 to 24 bits call for.
+    """
+
+    build: Callable[[rbi.ArmModel, rbi.Hardware, Settings], Any]
+    coarse: tuple[Settings, ...]
 
 
-def _integral() -> Iterator[Candidate]:
-    for omega, low in product((8.0, 12.0, 20.0, 50.0), (40.0, 120.0, 400.0)):
-        yield Candidate(
-            f"p = {omega:g}, low-pass {low:g}",
-            lambda arm, hw, w=omega, f=low: _counted(
-                rbi.baselines.PIDImpedance(arm, TARGET, w, DT), hw, f
-            ),
-        )
+def _pd(arm: rbi.ArmModel, hardware: rbi.Hardware, at: Settings) -> Any:
+    return _counted(PDAroundReference(arm, at[0]), hardware, at[1])
 
 
-def _disturbance() -> Iterator[Candidate]:
-    for omega, low, observer in (*product((8.0, 12.0, 20.0), (40.0, 120.0), (8.0, 20.0)),):
-        yield Candidate(
-            f"ω = {omega:g}, low-pass {low:g}, observer {observer:g}",
-            lambda arm, hw, w=omega, f=low, o=observer: _counted(ObserverPD(arm, w, o), hw, f),
-        )
+def _integral(arm: rbi.ArmModel, hardware: rbi.Hardware, at: Settings) -> Any:
+    return _counted(rbi.baselines.PIDImpedance(arm, TARGET, at[0], DT), hardware, at[1])
 
 
-def _integral_observed() -> Iterator[Candidate]:
-    for omega, ratio in product((10.0, 15.0, 25.0, 40.0, 60.0, 100.0), (1.0, 2.0)):
-        yield Candidate(
-            f"p = {omega:g}, observer {ratio * omega:g}",
-            lambda arm, hw, w=omega, r=ratio: _observed(
-                rbi.baselines.PIDImpedance(arm, TARGET, w, DT), hw, r * w
-            ),
-        )
+def _disturbance(arm: rbi.ArmModel, hardware: rbi.Hardware, at: Settings) -> Any:
+    return _counted(ObserverPD(arm, at[0], at[2]), hardware, at[1])
 
 
-GRIDS = {
-    "PD + gravity, differences": tuple(_pd()),
-    "computed torque + integral, differences": tuple(_integral()),
-    "computed torque + momentum observer, differences": tuple(_disturbance()),
-    "computed torque + integral, our observer": tuple(_integral_observed()),
+def _integral_observed(arm: rbi.ArmModel, hardware: rbi.Hardware, at: Settings) -> Any:
+    return _observed(rbi.baselines.PIDImpedance(arm, TARGET, at[0], DT), hardware, at[1])
+
+
+LAWS = {
+    "PD + gravity, differences": Law(
+        _pd, tuple((w, f * w) for w, f in product((12.0, 30.0, 75.0), (2.5, 8.0)))
+    ),
+    "computed torque + integral, differences": Law(
+        _integral, tuple((w, f * w) for w, f in product((10.0, 22.0, 50.0), (4.0, 12.0)))
+    ),
+    "computed torque + momentum observer, differences": Law(
+        _disturbance, tuple((w, f * w, w) for w, f in product((10.0, 22.0, 50.0), (4.0, 12.0)))
+    ),
+    "computed torque + integral, our observer": Law(
+        _integral_observed, tuple((w, f * w) for w, f in product((15.0, 35.0, 80.0), (1.0, 2.5)))
+    ),
 }
-"""Twelve settings of each law."""
+
+FINE = 1.5
+"""Factor between neighbours in the second half of a search."""
+
+
+def around(best: Settings) -> list[Settings]:
+    """Return six settings around one: every rate up and down; of two rates both together, too."""
+    steps = [s * row for row in np.eye(len(best)) for s in (1.0, -1.0)]
+    if len(best) == 2:
+        steps += [np.ones(2), -np.ones(2)]
+    return [tuple((np.array(best) * FINE**step).tolist()) for step in steps]
