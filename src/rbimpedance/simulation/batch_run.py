@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,8 @@ from .._common.arrays import Array
 from ..exceptions import DivergenceError, ParameterError
 from .closed_loop import ClosedLoop, empty_channels, run
 from .compiled_runs import check_inputs, verified_world
-from .result import SETTLING_TOLERANCES
+from .driven_runs import DrivenRun, driven_run, has_driven_form
+from .result import SETTLING_TOLERANCES, SimulationResult
 from .sampling import sample, tick_times
 
 if TYPE_CHECKING:
@@ -94,14 +95,19 @@ def run_worlds(
     )
     if after is not None:
         _first_tick(after, loops[0])
+    driven = [i for i, loop in enumerate(loops) if has_driven_form(loop)]
     known: dict[int, Controlled] = {}
-    worlds = {i: verified_world(loop, known, _STATES) for i, loop in enumerate(loops)}
+    worlds = {
+        i: verified_world(loop, known, _STATES) for i, loop in enumerate(loops) if i not in driven
+    }
     compiled = {i: world for i, world in worlds.items() if world is not None}
     left = [i for i, world in worlds.items() if world is None]
     if compiled:
         left += _Threads(loops, compiled, log, after).run(min(threads, len(compiled)))
+    if driven:
+        left += _run_on_drives(loops, driven, log, after, threads)
     for i in left:
-        _run_in_python(i, loops[i], log, after)
+        _keep(i, _outcome(loops[i]), log, after)
     return log
 
 
@@ -116,12 +122,49 @@ def _first_tick(after: float, loop: ClosedLoop) -> int:
     return first
 
 
-def _run_in_python(i: int, loop: ClosedLoop, log: BatchLog, after: float | None) -> None:
+def _run_on_drives(
+    loops: list[ClosedLoop],
+    driven: Sequence[int],
+    log: BatchLog,
+    after: float | None,
+    threads: int,
+) -> list[int]:
+    """Run worlds on drives, as many at once as there are threads; return those that are left to the readable form."""
+    refused: list[int] = []
+    with ThreadPoolExecutor(threads) as pool:
+        for start in range(0, len(driven), threads):
+            some = driven[start : start + threads]
+            runs = [driven_run(loops[i]) for i in some]  # not in threads: they may share an arm
+            for i, outcome in zip(some, pool.map(_driven_outcome, runs), strict=True):
+                if outcome is None:
+                    refused.append(i)
+                else:
+                    _keep(i, outcome, log, after)
+    return refused
+
+
+def _driven_outcome(run: DrivenRun | None) -> SimulationResult | DivergenceError | None:
     try:
-        result = run(loop)
+        return None if run is None else run.result()
     except DivergenceError as error:
-        result = error.result
-        log.end_early(i, len(result.t) - 1, error.joint)
+        return error
+
+
+def _outcome(loop: ClosedLoop) -> SimulationResult | DivergenceError:
+    """What Python makes of a world."""
+    try:
+        return run(loop)
+    except DivergenceError as error:
+        return error
+
+
+def _keep(
+    i: int, outcome: SimulationResult | DivergenceError, log: BatchLog, after: float | None
+) -> None:
+    """Put the outcome of a world into the log."""
+    result = outcome.result if isinstance(outcome, DivergenceError) else outcome
+    if isinstance(outcome, DivergenceError):
+        log.end_early(i, len(result.t) - 1, outcome.joint)
     for name, channel in log.channels.items():
         samples = getattr(result, name)[:: log.every]
         channel[i, : len(samples)] = samples

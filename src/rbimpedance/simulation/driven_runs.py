@@ -33,22 +33,30 @@ def run_driven(
         DivergenceError: A joint left every sensible range.
         InputError: The reference or the environment is not what a controller takes.
     """
-    if checkpoint is not None or not _has_form(loop):
+    run = None if checkpoint is not None else driven_run(loop)
+    return None if run is None else run.result(on_tick)
+
+
+def driven_run(loop: ClosedLoop) -> DrivenRun | None:
+    """Return a closed loop in compiled form, at its beginning; None where it has none.
+
+    Args:
+        loop: The loop.
+    """
+    if not has_driven_form(loop):
         return None
     try:
-        run = _DrivenRun(loop)
+        return DrivenRun(loop)
     except UnsupportedJointError:
         return None
-    for start in range(0, loop.ticks + 1, BLOCK):
-        block = range(start, min(start + BLOCK, loop.ticks + 1))
-        if not run.do(block):
-            return None
-        if on_tick is not None:
-            on_tick(block.stop - 1, loop.ticks)
-    return loop.result(run.channels, loop.ticks + 1)
 
 
-def _has_form(loop: ClosedLoop) -> bool:
+def has_driven_form(loop: ClosedLoop) -> bool:
+    """Return whether this is a `HardwareController` on drives, sensors and an environment that have a compiled form.
+
+    Args:
+        loop: The loop.
+    """
     law, engine = _law(loop.controller), loop.engine
     if law is None or law._form.tables is None or not isinstance(engine, DrivenPlant):
         return False
@@ -64,8 +72,15 @@ def _law(controller: Any) -> HardwareController | None:
     return inner if type(inner) is HardwareController else None
 
 
-class _DrivenRun:
-    """One run."""
+class DrivenRun:
+    """One run in compiled form.
+
+    Args:
+        loop: One that `has_driven_form`.
+
+    Raises:
+        UnsupportedJointError: A joint without a compiled form.
+    """
 
     def __init__(self, loop: ClosedLoop) -> None:
         from ..control.compiled import hardware_tables as tick  # noqa: PLC0415 (Numba is loaded when needed)
@@ -100,13 +115,27 @@ class _DrivenRun:
             log,
         )
 
-    def do(self, block: range) -> bool:
-        """Do a block of ticks; False where the compiled tick refuses one.
+    def result(self, on_tick: OnTick | None = None) -> SimulationResult | None:
+        """Do all ticks, and return what they leave behind; None where the compiled tick refuses one.
+
+        Args:
+            on_tick: Called with (ticks done, ticks in all) after every block.
 
         Raises:
             DivergenceError: A joint left every sensible range.
             InputError: The reference or the environment is not what a controller takes.
         """
+        ticks = self.loop.ticks
+        for start in range(0, ticks + 1, BLOCK):
+            block = range(start, min(start + BLOCK, ticks + 1))
+            if not self._do(block):
+                return None
+            if on_tick is not None:
+                on_tick(block.stop - 1, ticks)
+        return self.loop.result(self.channels, ticks + 1)
+
+    def _do(self, block: range) -> bool:
+        """Do a block of ticks; False where the compiled tick refuses one."""
         from .compiled import driven  # noqa: PLC0415 (Numba is loaded when needed)
         from .compiled.loop import ReferenceSamples  # noqa: PLC0415
 
