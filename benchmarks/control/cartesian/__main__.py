@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,8 @@ from .task import LAWS
 
 ROBOTS = ("panda", "ur5", "gen3")
 AWAY = (0.05, 0.2)  # m
-NOISY = (*list(LAWS)[:2], "PID on x_r, poles 40", "PID on x_r, poles 100", "Hogan, measured force")
+PID = "PID on x_r, poles 100"
+NOISY = (*list(LAWS)[:2], "PID on x_r, poles 40", PID, "Hogan, measured force")
 
 
 def _one(run: tuple[str, str, bool]) -> dict[str, Any]:
@@ -44,6 +45,20 @@ def _ratio(row: dict[str, Any]) -> str:
     if "diverged" in row:
         return "–"
     return f"{row['variation'] / row['variation_needed']:.2f}"
+
+
+def against_pid(found: Mapping[tuple[str, str], dict[str, Any]], robots: Sequence[str]) -> str:
+    """Return the table of the PID's error over the law's, from the worst arm to the best."""
+    laws = list(LAWS)[:2]
+    kinds = [f"{when}_{what}" for when in ("free", "push") for what in ("position", "rotation")]
+    lines = []
+    for kind in kinds:
+        cells = []
+        for law in laws:
+            ratios = [found[robot, PID][kind] / found[robot, law][kind] for robot in robots]
+            cells.append(f"{min(ratios):.2g} to {max(ratios):.2g}")
+        lines.append([kind.replace("_", ", "), *cells])
+    return pages.markdown(["", *laws], lines)
 
 
 def tables(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
@@ -74,6 +89,7 @@ def tables(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
     starts = [[law, *(f"{first_torque(law, away):.0f}" for away in AWAY)] for law in names]
     return {
         "start": pages.markdown(["law", *(f"{100 * away:.0f} cm" for away in AWAY)], starts),
+        "against": against_pid(found, robots),
         "deviation": pages.markdown(header, lines),
         "torque": pages.markdown(["law", *robots], torque),
         "noise": pages.markdown(["law", "rms free [m]", "largest, push [m]", "N·m/s"], noisy),
