@@ -107,7 +107,6 @@ from .tuning import GainProposal as GainProposal
 from .tuning import HardwareProposal as HardwareProposal
 from .tuning import MotionMargin as MotionMargin
 from .tuning import Uncertainty as Uncertainty
-from .tuning import propose_cartesian_gains as propose_cartesian_gains
 from .tuning import propose_gains as propose_gains
 from .tuning.gains_file import load_gains as load_gains
 from .tuning.gains_file import save_gains as save_gains

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 import rbimpedance as rbi
 from rbimpedance.robot.tool_kinematics import ToolKinematics
 from rbimpedance.trajectories import cartesian
+from rbimpedance.tuning import ImperfectController
 
 Array = NDArray[np.float64]
 IMPEDANCE = rbi.CartesianImpedance((3.0, 0.15), [1000.0, 1000.0, 200.0, 30.0, 30.0, 10.0])
@@ -130,6 +131,29 @@ def test_a_torque_sensor_serves_as_well_as_a_wrist_sensor() -> None:
         for sensor in (None, rbi.interaction.sensors.Delay(0))
     ]
     assert_allclose(runs[0].tau, runs[1].tau, atol=1e-7)
+
+
+def test_sensors_and_drives_may_be_imperfect() -> None:
+    """Noise, delay, encoders and torque constants act between the arm and a law at the tool as at any other."""
+    arm, q = ur5(), np.array([0.0, -1.2, 1.6, -1.9, -1.57, 0.3])
+    inside, f = rbi.CartesianController(arm, IMPEDANCE), np.array([0.0, 0.0, 4.0, 0.0, 0.1, 0.0])
+    exact = rbi.simulate(inside, arm, cartesian.hold(arm, q), environment=f, duration=0.03)
+    for each in (
+        ImperfectController(inside),
+        rbi.QuantizedEncoders(inside, resolution=1e-15, velocity="measured"),
+    ):
+        run = rbi.simulate(each, arm, cartesian.hold(arm, q), environment=f, duration=0.03)
+        assert run.tool is not None
+        assert exact.tool is not None
+        assert_allclose(run.tool.wrench, exact.tool.wrench, atol=1e-9)
+        assert_allclose(run.q, exact.q, atol=1e-9)
+    noisy = ImperfectController(inside, velocity_noise=1e-3, delay=1, torque_constant=0.9)
+    run = rbi.simulate(noisy, arm, cartesian.hold(arm, q), environment=f, duration=0.03)
+    assert np.abs(run.q - exact.q).max() > 1e-6
+    hardware = rbi.Hardware(encoder_bits=20)
+    counted = rbi.simulate(inside, arm, cartesian.hold(arm, q), duration=0.03, hardware=hardware)
+    assert counted.tool is not None
+    assert 0.0 < np.abs(counted.tool.e1).max() < 1e-3
 
 
 class _Unknown:

@@ -94,8 +94,8 @@ def proposed(setting: Case) -> rbi.CartesianController:
         payload_gyration=SIZE,
     )
     circle = Circle(rbi.Pose(*arm.frame_placement(q)))
-    found = rbi.propose_cartesian_gains(
-        arm, unknown, circle, DT, q0=q, duration=DURATION, samples=8
+    found = rbi.propose_gains(
+        arm, unknown, circle, DT, frame=arm.tool_frame, q0=q, duration=DURATION, samples=8
     )
     return found.controller(IMPEDANCE)
 

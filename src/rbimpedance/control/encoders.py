@@ -14,9 +14,10 @@ from .._common.frozen import set_fields
 from ..exceptions import ParameterError
 from ..interaction.sensors import LowPass
 from ..robot.hardware import Hardware
-from .protocol import Controller, Measured
+from .protocol import Measured
 from .telemetry import ControllerOutput
-from .wrapper import ControllerWrapper, of_joints
+from .tool_view import AnyController, in_joints
+from .wrapper import ControllerWrapper
 
 VelocitySource: TypeAlias = Literal["differentiated", "measured"]
 """Where the velocity comes from."""
@@ -55,7 +56,7 @@ class QuantizedEncoders(ControllerWrapper[EncoderState, ControllerOutput]):
     trades the second for more of the first: see `phase_loss`, `position_noise` and `velocity_noise`.
 
     Attributes:
-        controller: What is put behind the encoders.
+        controller: What is put behind the encoders; one at the tool finds its wrench from the joint torque.
         resolution: A count, shape (nv,) [rad or m].
         velocity: "differentiated": (q_k (-) q_(k-1))/h of the counted positions with h the measured period, or dt
             where none is given, zero at the first tick; or
@@ -80,7 +81,7 @@ class QuantizedEncoders(ControllerWrapper[EncoderState, ControllerOutput]):
 
     def __init__(
         self,
-        controller: Controller[Any],
+        controller: AnyController,
         *,
         resolution: ArrayLike = BITS_17,
         velocity: VelocitySource = "differentiated",
@@ -91,7 +92,7 @@ class QuantizedEncoders(ControllerWrapper[EncoderState, ControllerOutput]):
         low_pass = None if bandwidth is None else LowPass(bandwidth, controller.dt)
         set_fields(
             self,
-            controller=of_joints(controller),
+            controller=in_joints(controller),
             resolution=positive("resolution", resolution, controller.arm.nv),
             velocity=velocity,
             bandwidth=bandwidth,
@@ -99,7 +100,7 @@ class QuantizedEncoders(ControllerWrapper[EncoderState, ControllerOutput]):
         )
 
     @classmethod
-    def for_(cls, hardware: Hardware, controller: Controller[Any]) -> QuantizedEncoders:
+    def for_(cls, hardware: Hardware, controller: AnyController) -> QuantizedEncoders:
         """Return a controller behind the encoders of a description; velocities are differences, without a low-pass.
 
         Args:

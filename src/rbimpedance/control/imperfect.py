@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, not_negative, positive, vector, whole_number
 from .._common.frozen import set_fields
-from .protocol import Controller, Measured
+from .protocol import Measured
 from .telemetry import ControllerOutput, Situation
-from .wrapper import ControllerWrapper, of_joints
+from .tool_view import AnyController, in_joints
+from .wrapper import ControllerWrapper
 
 
 class Measurement(NamedTuple):
@@ -52,7 +53,7 @@ class ImperfectController(ControllerWrapper[ImperfectState, ControllerOutput]):
     ones are `arm.difference(q, q_r)`. Limits act on the demanded torque.
 
     Attributes:
-        controller: What is put behind the sensors.
+        controller: What is put behind the sensors; one at the tool finds its wrench from the joint torque.
         position_noise: Standard deviation of white noise on q, scalar or (nv,) [rad or m].
         velocity_noise: The same on v [rad/s or m/s].
         delay: Ticks from a measurement to the torque that it leads to; until the first one has arrived, the
@@ -74,7 +75,7 @@ class ImperfectController(ControllerWrapper[ImperfectState, ControllerOutput]):
 
     def __init__(
         self,
-        controller: Controller[Any],
+        controller: AnyController,
         *,
         position_noise: ArrayLike = 0.0,
         velocity_noise: ArrayLike = 0.0,
@@ -85,7 +86,7 @@ class ImperfectController(ControllerWrapper[ImperfectState, ControllerOutput]):
         nv = controller.arm.nv
         set_fields(
             self,
-            controller=of_joints(controller),
+            controller=in_joints(controller),
             position_noise=not_negative("position_noise", position_noise, nv),
             velocity_noise=not_negative("velocity_noise", velocity_noise, nv),
             delay=whole_number("delay", delay),

@@ -15,6 +15,7 @@ from ..control.protocol import Controller
 from ..control.provenance import provenance
 from ..control.snapshot import fingerprint
 from ..control.telemetry import CHANNELS
+from ..control.tool_view import ToolTick, tool_inside
 from ..exceptions import DivergenceError, ParameterError
 from ..interaction import Interaction, Sensor, Sum
 from ..robot.arm_model import ArmModel
@@ -28,7 +29,6 @@ from .plants.protocol import SPEED_BOUND as SPEED_BOUND  # noqa: PLC0414 (part o
 from .result import SimulationResult
 from .sampling import tick_times
 from .tool_log import empty_tool_channels, tool_log, write_tool
-from .tool_view import ToolTick, ToolView
 from .violations import limits_of
 
 STIFF_FRICTION = 0.5
@@ -127,7 +127,7 @@ class ClosedLoop:
         """Return arrays for all that the run logs, first axis time."""
         samples, arm = self.ticks + 1, self.plant
         channels = empty_channels(samples, arm.nq, arm.nv)
-        if isinstance(self.controller, ToolView):
+        if tool_inside(self.controller) is not None:
             channels |= empty_tool_channels(samples, arm.nv)
         return channels
 

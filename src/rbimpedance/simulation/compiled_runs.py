@@ -15,6 +15,7 @@ from ..control.controller import ImpedanceController
 from ..control.errors import check_measurements
 from ..control.protocol import Measured
 from ..control.tick import NumpyTick
+from ..control.tool_view import ToolView
 from ..exceptions import UnsupportedJointError
 from ..interaction import Perfect
 from ..trajectories import Reference
@@ -22,7 +23,6 @@ from .checkpoint import Checkpoint
 from .closed_loop import SPEED_BOUND, ClosedLoop, OnTick, empty_channels
 from .result import SimulationResult
 from .sampling import sample, tick_times
-from .tool_view import ToolView
 
 if TYPE_CHECKING:
     from ..robot.compiled.tables import ArmTables

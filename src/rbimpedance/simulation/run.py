@@ -16,6 +16,7 @@ from ..control.controller import ImpedanceController
 from ..control.encoders import QuantizedEncoders
 from ..control.errors import check_reference
 from ..control.protocol import Backend, Controller
+from ..control.tool_view import tool_inside
 from ..exceptions import ParameterError
 from ..interaction import EnvironmentLike, Perfect, Sensor, as_interaction
 from ..robot.arm_model import ArmModel
@@ -156,15 +157,13 @@ def on_hardware(
     """Return the controller behind its encoders, and the arm behind its drives.
 
     Raises:
-        ParameterError: A plant that is no `ArmModel`, or a law at the tool, which takes no encoders.
+        ParameterError: A plant that is no `ArmModel`.
     """
     if not isinstance(plant, ArmModel):
         raise ParameterError("plant", plant, "an ArmModel where hardware is given")
     driven = DrivenPlant.for_(hardware, plant, controller.dt)
     if hardware.encoder_bits is None:
         return controller, driven
-    if isinstance(controller, CartesianControllerBase):
-        raise ParameterError("hardware", hardware, "without encoder_bits for a law at the tool")
     return QuantizedEncoders.for_(hardware, controller), driven
 
 
@@ -219,8 +218,9 @@ def closed_loop(
 
 def _start(controller: Any, trajectory: Any) -> Array:
     """Where the trajectory begins."""
-    if isinstance(controller, CartesianControllerBase):
-        return start_of(controller, trajectory)
+    tool = tool_inside(controller)
+    if tool is not None:
+        return start_of(tool, trajectory)
     return check_reference(controller.arm, trajectory(0.0)).q
 
 

@@ -9,7 +9,6 @@ from .plant_sample import PlantSample as PlantSample
 from .proposal import GainProposal as GainProposal
 from .proposal import propose_gains as propose_gains
 from .tool_gains import CartesianGainProposal as CartesianGainProposal
-from .tool_gains import propose_cartesian_gains as propose_cartesian_gains
 from .torque_demand import TorqueDemand as TorqueDemand
 from .torque_demand import slowed as slowed
 from .uncertainty import Uncertainty as Uncertainty

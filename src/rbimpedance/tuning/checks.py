@@ -16,8 +16,8 @@ from .torque_demand import TorqueDemand
 from .torque_limits import demand_of, exertion_of, refused_for_torque, without_reserve
 from .worst_case import ExtremeCase, worst_cases
 
-_SLOWER = 1.6  # the margin grows by this where a worst sample chatters or diverges
-_ROUNDS = 3
+SLOWER, ROUNDS = 1.6, 3
+"""Factor by which the margin grows where a worst sample chatters or diverges, and how often it is tried."""
 
 
 class Checked(NamedTuple):
@@ -48,7 +48,7 @@ def solve(task: DesignTask, measured: Measured, impedance: Impedance, q0: Array)
     exertion = None if task.limits is None else exertion_of(task, measured.samples)
     slower, certificate = 1.0, None
     worst: tuple[ExtremeCase, ...] = ()
-    for _ in range(_ROUNDS):
+    for _ in range(ROUNDS):
         found = design(task, measured, slower=slower)
         if np.isfinite(found.margin):
             certificate = _certificate(task, found, q0)
@@ -69,7 +69,7 @@ def solve(task: DesignTask, measured: Measured, impedance: Impedance, q0: Array)
             found = without_reserve(task, found, demand)
         if not failed.unstable:
             break
-        slower *= _SLOWER
+        slower *= SLOWER
     return Checked(found, certificate, worst, demand)
 
 

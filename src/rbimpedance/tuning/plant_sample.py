@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from .._common.arrays import Array
 from ..control.imperfect import ImperfectController
-from ..control.protocol import Controller
+from ..control.tool_view import AnyController
 from ..robot.arm_model import ArmModel
 
 
@@ -49,7 +48,7 @@ class PlantSample:
     delay: int
     seed: int
 
-    def wrap(self, controller: Controller[Any], *, noisy: bool = True) -> Controller[Any]:
+    def wrap(self, controller: AnyController, *, noisy: bool = True) -> AnyController:
         """Return the controller behind this sample's sensors and actuators.
 
         Args:

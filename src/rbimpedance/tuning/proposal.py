@@ -22,12 +22,14 @@ from ..robot.arm_model import ArmModel
 from ..robot.hardware import Hardware
 from ..robot.units import error_unit
 from ..trajectories import Trajectory
+from ..trajectories.cartesian import CartesianTrajectory
 from .checks import Checked
 from .gain_design import DesignTask
 from .hardware_proposal import HardwareProposal, propose_for_hardware
 from .mismatch import Mismatch
 from .motions import MotionMargin
 from .remedies import Remedy, Trial, Tried, try_remedies
+from .tool_gains import CartesianGainProposal, propose_at_tool
 from .torque_demand import TorqueDemand
 from .uncertainty import Uncertainty
 from .worst_case import ExtremeCase, usual_impedance
@@ -169,6 +171,7 @@ def propose_gains(
     dt: float,
     *,
     hardware: None = None,
+    frame: None = None,
     **options: Any,
 ) -> GainProposal: ...
 
@@ -181,17 +184,31 @@ def propose_gains(
     dt: float,
     *,
     hardware: Hardware,
+    frame: None = None,
     **options: Any,
 ) -> GainProposal | HardwareProposal: ...
 
 
+@overload
 def propose_gains(
     arm: ArmModel,
     uncertainty: Uncertainty,
-    trajectory: Trajectory,
+    trajectory: CartesianTrajectory,
     dt: float,
     *,
-    impedance: Impedance | None = None,
+    hardware: None = None,
+    frame: str,
+    **options: Any,
+) -> CartesianGainProposal: ...
+
+
+def propose_gains(  # noqa: PLR0913 (requirements, each given by name)
+    arm: ArmModel,
+    uncertainty: Uncertainty,
+    trajectory: Any,
+    dt: float,
+    *,
+    impedance: Any = None,
     surface: Surface | None = None,
     q0: ArrayLike | None = None,
     spread: MotionMargin | None = None,
@@ -199,8 +216,9 @@ def propose_gains(
     duration: float = 5.0,
     accuracy: float | None = None,
     hardware: Hardware | None = None,
+    frame: str | None = None,
     **search: Any,
-) -> GainProposal | HardwareProposal:
+) -> GainProposal | HardwareProposal | CartesianGainProposal:
     """Propose gains for an arm from what is not known about it.
 
     Bounds come from sampled plants on sampled motions around the trajectory; the gains follow from them, are checked
@@ -211,52 +229,68 @@ def propose_gains(
     the encoders, and the worst samples are simulated on that hardware (docs/hardware-limits.md). Perfect hardware is
     as none.
 
+    With `frame` the gains are those of a `CartesianController` for that frame: the same plants and margins, projected
+    on translation, rotation and null space.
+
     Args:
         arm: The arm as it is modelled.
         uncertainty: What is not known.
-        trajectory: Desired motion.
+        trajectory: Desired motion; with `frame` of that frame.
         dt: Control period [s].
-        impedance: Target impedance that the samples are simulated with; M_d = 1, D_d = 10, K_d = 20 by default.
+        impedance: Target impedance that the samples are simulated with; M_d = 1, D_d = 10, K_d = 20 by default. With
+            `frame` a `CartesianImpedance`.
         surface: Sliding surface; by default a fast terminal one with the smoothing that leaves the smallest error.
-        q0: Initial configuration, shape (nq,); `arm.ready` by default.
+        q0: Initial configuration, shape (nq,); `arm.ready` by default, with `frame` where the motion begins.
         spread: How far motions leave the trajectory; give the acceleration of pushes where the arm will be pushed.
         limits: `Limits` of the actuators or an array-like of torque limits, such as `arm.effort_limit`: the motion has
             to be possible within them on every plant, and the controller keeps them. None for none.
         duration: Length of the motion that counts, and of the simulations [s].
         accuracy: Largest error abs(e1) allowed after the reaching phase; by default 1e-3, with `hardware` what it
-            allows [rad or m].
+            allows [rad or m]. With `frame`, translations are allowed `damping.length` times as much [rad].
         hardware: What is between a tick and the links; None for nothing.
-        **search: The fields of `gain_design.Search`: samples, instants, seed, backend, on_tick, remedy_time.
+        frame: Name of the frame for gains at the tool; None for gains of the joints.
+        **search: The fields of `gain_design.Search`: samples, instants, seed, backend, on_tick, remedy_time. With
+            `frame` also `damping`, of the Jacobian's inverse.
 
     Returns:
         The proposal: yes with the numbers behind it, or no with the joint, the reason and remedies that were tried.
 
     Raises:
-        ParameterError: A period, duration, accuracy, limit or count that cannot be, or a surface that Theorem 1 does
-            not cover.
+        ParameterError: A period, duration, accuracy, limit or count that cannot be, a surface that Theorem 1 does not
+            cover, a surface or hardware with `frame`, or a start that is out of reach.
         DimensionError: A range, the surface, a limit or q0 is for another number of joints.
-        ModelError: The arm has no such payload frame.
+        ModelError: The arm has no such frame.
         TypeError: A keyword that there is not.
     """
+    required: dict[str, Any] = {
+        "dt": positive_number("dt", dt, "control period in seconds"),
+        "duration": positive_number("duration", duration, "length in seconds"),
+        "accuracy": positive_number(
+            "accuracy", ACCURACY if accuracy is None else accuracy, "error"
+        ),
+        "spread": MotionMargin() if spread is None else spread,
+        "limits": _checked_limits(limits, arm.nv),
+    } | search
+    if frame is not None:
+        _check_at_tool(surface=surface, hardware=hardware)
+        options = {"frame": frame, "impedance": impedance, "q0": q0}
+        return propose_at_tool(arm, uncertainty, trajectory, **options, **required)
     if isinstance(surface, NonsingularTerminalSurface):
         raise ParameterError("surface", surface, "one with s = φ(e1) + e2, power or fast terminal")
     task = DesignTask(
-        arm=arm,
-        uncertainty=uncertainty,
-        trajectory=trajectory,
-        dt=positive_number("dt", dt, "control period in seconds"),
-        surface=surface,
-        duration=positive_number("duration", duration, "length in seconds"),
-        accuracy=positive_number("accuracy", ACCURACY if accuracy is None else accuracy, "error"),
-        spread=MotionMargin() if spread is None else spread,
-        limits=_checked_limits(limits, arm.nv),
-        **search,
+        arm=arm, uncertainty=uncertainty, trajectory=trajectory, surface=surface, **required
     )
     q0 = np.array(arm.ready if q0 is None else arm.check_configuration("q0", q0))
     target = usual_impedance() if impedance is None else impedance
     if hardware is not None and not hardware.is_perfect:
         return propose_for_hardware(task, hardware, target, q0, accuracy)
     return _searched(Trial(task, target, q0))
+
+
+def _check_at_tool(**unused: object) -> None:
+    for name, value in unused.items():
+        if value is not None:
+            raise ParameterError(name, value, "None with frame=: gains at the tool do not use it")
 
 
 def _searched(trial: Trial) -> GainProposal:

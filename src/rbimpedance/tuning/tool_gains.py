@@ -3,7 +3,7 @@
 Plants, model and input gain are those of `propose_gains`, on joint motions that follow the tool's. An acceleration a
 that the model misses is T·a at the tool, with T = [J; Vᵀ]; the largest norms of its three blocks take the place of the
 joints in the design. Translations count in units of a length, so that one surface serves all blocks. T·G·T⁻¹ has the
-eigenvalues of G: the margin is that of the joint space.
+eigenvalues of G: the margin is that of the joint space. The worst plants are then simulated, as in joint space.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, positive_number
+from .._common.arrays import Array
 from .._common.brief import brief_repr
 from ..control.cartesian import CartesianController, Posture
 from ..control.cartesian_defaults import tool_surface
 from ..exceptions import ParameterError
 from ..law.cartesian_impedance import CartesianImpedance
 from ..law.damped_inverse import DampedInverse, Damping, continued_basis
+from ..law.limits import Limits
 from ..law.super_twisting import SuperTwisting
 from ..law.surfaces import FastTerminalSurface
 from ..robot.arm_model import ArmModel
@@ -29,10 +30,12 @@ from ..robot.inverse_kinematics import inverse_kinematics
 from ..robot.tool_kinematics import ToolKinematics, rotation_error
 from ..trajectories import Trajectory, samples
 from ..trajectories.cartesian import CartesianTrajectory
+from .checks import ROUNDS, SLOWER
 from .gain_design import TORQUE_FLOOR, Design, DesignTask, Measured, design
 from .mismatch import Mismatch, balanced_model, measure, missed_torque
-from .motions import Motion, MotionMargin, sample_motions
+from .motions import Motion, sample_motions
 from .plant_sample import PlantSample
+from .tool_checks import ToolCase, ToolTask, cases_until_failure
 from .uncertainty import Uncertainty
 
 BLOCKS = ("translation", "rotation", "null space")
@@ -62,9 +65,10 @@ class CartesianGainProposal:
     """Gains for a `CartesianController`, or why there are none; arrays are for translation, rotation and null space.
 
     Attributes:
-        feasible: Whether the bounds allow gains; unlike `GainProposal`, no plant is simulated.
+        feasible: Whether bounds, the scheme's margins and the simulated worst plants all allow these gains.
         reason: Why not; empty where feasible.
         block: One of `BLOCKS` that makes it infeasible, or None.
+        nominal: The arm as it was given.
         arm: The model that the controller should use.
         payload: Payload in that model [kg].
         frame: Name of the frame.
@@ -78,11 +82,14 @@ class CartesianGainProposal:
         error: Error that the scheme leaves, predicted, shape (3,) [m, rad].
         noise_error: Error caused by sensor noise, shape (3,) [m, rad].
         mismatch: The bounds in joint space.
+        worst: The simulated worst plants; empty where the bounds alone say no.
+        limits: Of the actuators, which the controller keeps; None for none.
     """
 
     feasible: bool
     reason: str
     block: str | None
+    nominal: ArmModel
     arm: ArmModel
     payload: float
     frame: str
@@ -96,12 +103,15 @@ class CartesianGainProposal:
     error: Array
     noise_error: Array
     mismatch: Mismatch
+    worst: tuple[ToolCase, ...]
+    limits: Limits | None
 
     def controller(
         self,
         impedance: CartesianImpedance | None = None,
         *,
         posture: ArrayLike | None = None,
+        limits: Limits | ArrayLike | None = None,
         **options: Any,
     ) -> CartesianController:
         """Build the controller that was proposed.
@@ -109,7 +119,8 @@ class CartesianGainProposal:
         Args:
             impedance: Target impedance; the controller's default by default.
             posture: Configuration for the null space, shape (nq,); that of the first tick by default.
-            **options: Others of `CartesianController`: limits, joint_limits.
+            limits: Of the actuators; those of the proposal by default, +inf for none.
+            **options: Others of `CartesianController`: joint_limits.
 
         Raises:
             ParameterError: The proposal is not feasible.
@@ -128,6 +139,7 @@ class CartesianGainProposal:
             frame=self.frame,
             posture=Posture(posture, self.surface, null),
             damping=self.damping,
+            limits=self.limits if limits is None else limits,
             **options,
         )
 
@@ -141,56 +153,59 @@ class CartesianGainProposal:
             f"The controller's model holds {self.payload:.3g} kg. A plant answers with {gains} times the acceleration "
             f"that the model expects; margin {self.margin:.3g} tolerates that at dt = {self.dt:g} s. The model misses "
             f"up to {self.missed[0]:.3g} m/s² and {self.missed[1]:.3g} rad/s². The error that is left is about "
-            f"{error[0]:.2g} m and {error[1]:.2g} rad."
+            f"{error[0]:.2g} m and {error[1]:.2g} rad{self._explain_simulated()}."
         )
 
+    def _explain_simulated(self) -> str:
+        """The largest error of the simulated plants without noise."""
+        m, rad = np.max([case.error for case in self.worst if not case.noisy], axis=0)
+        return f", in simulation of the worst plants {m:.2g} m and {rad:.2g} rad"
 
-def propose_cartesian_gains(
+
+def propose_at_tool(
     arm: ArmModel,
     uncertainty: Uncertainty,
     trajectory: CartesianTrajectory,
     dt: float,
     *,
-    frame: str | None = None,
+    frame: str,
+    impedance: CartesianImpedance | None = None,
     q0: ArrayLike | None = None,
     damping: Damping | None = None,
-    spread: MotionMargin | None = None,
-    duration: float = 5.0,
-    accuracy: float = 1e-3,
+    duration: float,
+    accuracy: float,
     **search: Any,
 ) -> CartesianGainProposal:
-    """Propose gains for the law at the tool from what is not known about an arm.
+    """Propose gains for the law at the tool from what is not known about an arm: `propose_gains` with a frame.
 
     Args:
         arm: The arm as it is modelled.
         uncertainty: What is not known: payload, masses, friction, noise, delay and the rest.
         trajectory: Desired motion of the frame.
         dt: Control period [s].
-        frame: Name of the frame; the arm's tool frame by default.
+        frame: Name of the frame.
+        impedance: Target impedance that the plants are simulated with; the controller's default by default.
         q0: Configuration at the beginning, shape (nq,); by `inverse_kinematics` by default.
         damping: Of the Jacobian's inverse; its length is the unit of translations.
-        spread: How far joint motions leave the one that follows the trajectory.
         duration: Length of the motion that counts [s].
         accuracy: Largest error allowed [rad]; translations times the length.
-        **search: samples, instants and seed of `gain_design.Search`.
+        **search: The other fields of `gain_design.DesignTask`.
 
     Raises:
         ParameterError: A period, duration, accuracy or count that cannot be, or a start that is out of reach.
-        DimensionError: A range or q0 is for another number of joints.
+        DimensionError: A range, a limit or q0 is for another number of joints.
         ModelError: No such frame.
     """
     kinematics, damping = ToolKinematics(arm, frame), damping or Damping()
-    duration = positive_number("duration", duration, "length in seconds")
     q = inverse_kinematics(arm, trajectory(0.0).pose, frame=frame) if q0 is None else q0
     q = np.array(arm.check_configuration("q0", q))
     task = DesignTask(
         arm=arm,
         uncertainty=uncertainty,
         trajectory=joint_motion(arm, kinematics, trajectory, q, duration + _BEYOND, damping),
-        dt=positive_number("dt", dt, "control period in seconds"),
+        dt=dt,
         duration=duration,
-        accuracy=positive_number("accuracy", accuracy, "error"),
-        spread=MotionMargin() if spread is None else spread,
+        accuracy=accuracy,
         **search,
     )
     motions = sample_motions(
@@ -201,8 +216,67 @@ def propose_cartesian_gains(
     joints = measure(model, plants, motions, dt)
     blocks = _projected(model, plants, motions, joints, _Projection(kinematics, damping, dt))
     measured = Measured(model, payload, plants, blocks)
-    found = design(_for_blocks(task, motions, kinematics, damping), measured)
-    return _proposal(task, found, joints, kinematics, damping)
+    projected = _for_blocks(task, motions, kinematics, damping)
+    return _checked(
+        _Tool(task, projected, trajectory, q, kinematics.frame, damping),
+        measured,
+        joints,
+        impedance,
+    )
+
+
+class _Tool(NamedTuple):
+    """What gains at a frame are for.
+
+    Attributes:
+        task: The task with the joint motion that follows the tool's.
+        projected: The same with blocks in the place of joints.
+        trajectory: Desired motion of the frame.
+        q0: Configuration at the beginning, shape (nq,).
+        frame: Name of the frame.
+        damping: Of the Jacobian's inverse.
+    """
+
+    task: DesignTask
+    projected: DesignTask
+    trajectory: CartesianTrajectory
+    q0: Array
+    frame: str
+    damping: Damping
+
+
+def _checked(
+    tool: _Tool, measured: Measured, joints: Mismatch, impedance: CartesianImpedance | None
+) -> CartesianGainProposal:
+    """Design gains, simulate the worst plants, and slow the scheme down where one of them chatters or diverges."""
+    slower = 1.0
+    worst: tuple[ToolCase, ...] = ()
+    for _ in range(ROUNDS):
+        found = design(tool.projected, measured, slower=slower)
+        if found.joint is not None:
+            so_far = f"{worst[-1].reason}, and slower, " if worst else ""
+            return _proposal(tool, replace(found, reason=so_far + found.reason), joints, worst)
+        proposal = _proposal(tool, found, joints, ())
+        controller = proposal.controller(impedance, posture=tool.q0)
+        worst = cases_until_failure(_to_simulate(tool, proposal, measured), controller)
+        failed = worst[-1]
+        found = replace(found, joint=failed.block, reason=failed.reason)
+        if not failed.unstable:
+            break
+        slower *= SLOWER
+    return _proposal(tool, found, joints, worst)
+
+
+def _to_simulate(tool: _Tool, proposal: CartesianGainProposal, measured: Measured) -> ToolTask:
+    task, extremes = tool.task, measured.mismatch.extremes
+    return ToolTask(
+        task,
+        tool.trajectory,
+        tool.q0,
+        samples=tuple(measured.samples[i] for i in dict.fromkeys(extremes)),
+        accuracy=task.accuracy * np.array([tool.damping.length, 1.0]),
+        noise_error=proposal.noise_error[:2],
+    )
 
 
 def joint_motion(
@@ -305,30 +379,29 @@ def _for_blocks(
 
 
 def _proposal(
-    task: DesignTask,
-    found: Design,
-    joints: Mismatch,
-    kinematics: ToolKinematics,
-    damping: Damping,
+    tool: _Tool, found: Design, joints: Mismatch, worst: tuple[ToolCase, ...]
 ) -> CartesianGainProposal:
     """The design in metres and radians."""
+    task, damping = tool.task, tool.damping
     unit = np.array([damping.length, 1.0, 1.0])
-    reason, block = found.reason.replace("joint '", "the '"), found.joint
+    reason, block = found.reason, found.joint
+    for name in BLOCKS:
+        reason = reason.replace(f"joint '{name}'", f"the '{name}'")
     if not np.isfinite(found.margin):
-        name = task.arm.joint_names[
-            joints.joint_high if joints.gain_high * joints.gain_low > 1.0 else joints.joint_low
-        ]
+        high = joints.gain_high * joints.gain_low > 1.0
+        name = task.arm.joint_names[joints.joint_high if high else joints.joint_low]
         reason, block = reason.replace(f"the '{BLOCKS[0]}'", f"joint '{name}'"), None
     surface = found.surface
     if not isinstance(surface, FastTerminalSurface):  # the usual surfaces are
         raise TypeError(type(surface).__name__)
     return CartesianGainProposal(
-        feasible=found.joint is None,
+        feasible=not reason,
         reason=reason,
         block=None if block is None else BLOCKS[block],
+        nominal=task.arm,
         arm=found.measured.model,
         payload=found.measured.payload,
-        frame=kinematics.frame,
+        frame=tool.frame,
         dt=task.dt,
         damping=damping,
         surface=surface,
@@ -339,4 +412,6 @@ def _proposal(
         error=found.error * unit,
         noise_error=found.noise_error * unit,
         mismatch=joints,
+        worst=worst,
+        limits=task.limits,
     )

@@ -30,10 +30,14 @@ CHATTER_RATIO = 1.5
 NOISE_ERROR_RATIO = 30.0
 """A noisy loop whose error is more than this times the predicted noise error is unbounded."""
 
-_LATE = 0.6  # share of the run after which errors and variations are taken
-_LATE_AT_LIMITS = 0.8  # the same with limits, at which the arm comes to its motion later
-_CHATTER_FLOOR = 1.0  # N·m/s
-_STRIDE = 10  # ticks between the instants at which the torque that a motion needs is taken
+LATE, LATE_AT_LIMITS = 0.6, 0.8
+"""Share of the run after which errors and variations are taken; with limits the arm comes to its motion later."""
+
+CHATTER_FLOOR = 1.0
+"""Variation of the torque that is no chatter, however little the motion needs [N·m/s]."""
+
+STRIDE = 10
+"""Ticks between the instants at which the torque that a motion needs is taken."""
 
 
 def usual_impedance() -> Impedance:
@@ -158,7 +162,7 @@ def _run(
         )
     except DivergenceError as failure:
         result, diverged = failure.result, failure
-    after = (_LATE if task.limits is None else _LATE_AT_LIMITS) * ticks * task.dt
+    after = (LATE if task.limits is None else LATE_AT_LIMITS) * ticks * task.dt
     late = result.t >= after
     if diverged is not None:
         infinite = np.full(task.arm.nv, np.inf)
@@ -167,17 +171,22 @@ def _run(
         return ExtremeCase(sample, noisy, result, infinite, infinite, infinite, joint, reason, True)
     error = np.abs(true_error(sample.plant, result)[late]).max(axis=0)
     variation = result.metrics(after=after)["tau_variation"]
-    needed = needed_variation(sample.plant, task.trajectory, result.t[late][::_STRIDE])
+    needed = needed_variation(sample.plant, task.trajectory, result.t[late][::STRIDE])
     joint_failed, reason, unstable = _verdict(task, design, noisy, error, variation, needed)
     if joint_failed is not None and result.saturated.any():
-        reason += _at_limits(task, result)
+        reason += at_limits(task, result)
     return ExtremeCase(
         sample, noisy, result, error, variation, needed, joint_failed, reason, unstable
     )
 
 
-def _at_limits(task: DesignTask, result: SimulationResult) -> str:
-    """Which joints are at their torque limits, for how long."""
+def at_limits(task: DesignTask, result: SimulationResult) -> str:
+    """Return in words which joints were at their torque limits, for how long.
+
+    Args:
+        task: The requirements.
+        result: The run.
+    """
     shares = result.saturated.mean(axis=0)
     names = zip(task.arm.joint_names, shares, strict=True)
     said = ", ".join(f"'{name}' for {share:.0%} of the time" for name, share in names if share)
@@ -196,7 +205,7 @@ def _verdict(
     )  # how far the arm moves before its sensors report it
     allowed = task.accuracy + late + NOISE_ERROR_RATIO * design.noise_error * noisy
     joint = int(np.argmax(variation - needed))
-    ceiling = CHATTER_RATIO * float(needed.sum()) + _CHATTER_FLOOR
+    ceiling = CHATTER_RATIO * float(needed.sum()) + CHATTER_FLOOR
     if not noisy and float(variation.sum()) > ceiling:
         reason = (
             f"joint '{names[joint]}' chatters: its torque varies by {variation[joint]:.3g} {FORCE[units[joint]]}/s "

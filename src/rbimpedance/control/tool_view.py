@@ -1,0 +1,136 @@
+"""A controller at the tool as one of the joints, for closed loops, sensors and actuators."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from .._common.arrays import Array, BoolArray
+from ..law.poses import CartesianReference
+from ..law.rotations import RotationVector
+from ..robot.arm_model import ArmModel
+from .cartesian_base import CartesianControllerBase
+from .cartesian_telemetry import CartesianOutput
+from .protocol import Controller
+
+AnyController: TypeAlias = Controller[Any] | CartesianControllerBase[Any]
+"""A controller of the joints, or one at the tool."""
+
+
+class ToolTick(NamedTuple):
+    """Output of a tick at the tool, with its errors as errors of the joints.
+
+    J^# maps the error of the tool to the joints: q_r is a configuration with the tool at x_r, to first order. Where a
+    singularity takes the tool's motion, the joints have no error, and where the posture is off, neither.
+
+    Attributes:
+        at_tool: The output itself.
+        q_r: q (+) e1, shape (nq,).
+        e1: Error of the joints, shape (nv,) [rad or m].
+        e2: Its rate, shape (nv,).
+        s: Sliding variable, shape (nv,).
+        tau: Motor torque, shape (nv,) [N·m or N].
+        saturated: Whether the joint is at its torque limit, shape (nv,), bool.
+        rate_limited: Whether its torque may not change faster, shape (nv,), bool.
+        clipped: False: the surfaces are those of the tool.
+        reference_limited: False: no guard limits the reference.
+    """
+
+    at_tool: CartesianOutput
+    q_r: Array
+    e1: Array
+    e2: Array
+    s: Array
+    tau: Array
+    saturated: BoolArray
+    rate_limited: BoolArray
+    clipped: BoolArray
+    reference_limited: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
+class ToolView:
+    """A controller at the tool as one of the joints, which takes poses.
+
+    Attributes:
+        controller: The controller.
+        measures_wrench: Whether the sensor gives the wrench at the frame; otherwise a joint torque, from which the
+            wrench is computed.
+    """
+
+    controller: CartesianControllerBase[Any]
+    measures_wrench: bool
+
+    @property
+    def arm(self) -> ArmModel:
+        """The controller's model of the arm."""
+        return self.controller.arm
+
+    @property
+    def dt(self) -> float:
+        """Control period [s]."""
+        return self.controller.dt
+
+    def init(self) -> Any:
+        """Return the state before the first tick."""
+        return self.controller.init()
+
+    def step(
+        self,
+        state: Any,
+        q: Array,
+        v: Array,
+        reference: CartesianReference,
+        measured: Array,
+    ) -> tuple[ToolTick, Any]:
+        """Return the output of one tick and the next state; measured is the wrench or the joint torque."""
+        controller = self.controller
+        if self.measures_wrench:
+            output, following = controller.step(state, q, v, reference, measured)
+        else:
+            wrench = controller.wrench_from_torque(q, measured)
+            output, following = controller.step(state, q, v, reference, wrench, measured)
+        return self._in_joints(output, q), following
+
+    def impedance_error(self, output: ToolTick, a: Array) -> Array:
+        """Return Jᵀ times the impedance error of the tool, shape (nv,); see `CartesianController`."""
+        return self.controller.impedance_error(output.at_tool, a)
+
+    def _in_joints(self, output: CartesianOutput, q: Array) -> ToolTick:
+        none = np.zeros(self.arm.nv, dtype=np.bool_)
+        to_world = np.eye(6)
+        to_world[3:, 3:] = RotationVector(output.e1[3:]).right
+        to_joints = output.inverse @ to_world
+        e1 = to_joints @ output.e1
+        return ToolTick(
+            output,
+            self.arm.raw_dynamics.integrate(q, e1),
+            e1,
+            e2=to_joints @ output.e2,
+            s=to_joints @ output.s,
+            tau=output.tau,
+            saturated=output.saturated,
+            rate_limited=output.rate_limited,
+            clipped=none,
+            reference_limited=none,
+        )
+
+
+def in_joints(controller: AnyController) -> Any:
+    """Return a controller as one that takes the torque of the environment on the joints.
+
+    Args:
+        controller: One of the joints, which comes back as it is, or one at the tool.
+    """
+    if isinstance(controller, CartesianControllerBase):
+        return ToolView(controller, measures_wrench=False)
+    return controller
+
+
+def tool_inside(controller: Any) -> CartesianControllerBase[Any] | None:
+    """Return the controller at the tool that a controller is or wraps; None where there is none."""
+    while controller is not None and not isinstance(controller, CartesianControllerBase):
+        controller = getattr(controller, "controller", None)
+    return controller
