@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -107,7 +108,7 @@ def test_refused_gains_of_a_sliding_joint_are_explained_in_newtons_and_metres(
 ) -> None:
     arm = rbi.load_robot(arm_of(tmp_path, "prismatic"))
     motion = rbi.trajectories.cosine(arm, center=0.5, amplitude=0.05)
-    asked = {"dt": 1e-3, "q0": motion(0.0).q, "duration": 0.1, "remedy_time": 0.0}
+    asked: dict[str, Any] = {"dt": 1e-3, "q0": motion(0.0).q, "duration": 0.1, "remedy_time": 0.0}
     weak = rbi.propose_gains(arm, rbi.Uncertainty(), motion, limits=rbi.Limits(1e-3), **asked)
     exact = rbi.propose_gains(arm, rbi.Uncertainty(payload=1.0), motion, accuracy=1e-15, **asked)
     for refused, unit in ((weak, "N"), (exact, "m")):

@@ -47,13 +47,15 @@ def test_compiled_tick_is_the_readable_one(delay: int) -> None:
 
 
 def test_realtime_tick_is_that_of_the_steps() -> None:
+    """To rounding: a·b + c may be rounded once in one kernel and twice in the other."""
     for backend in ("compiled", "numpy"):
         law = controller(spinner(), HARDWARE.but(delay=2), backend=backend)
         state, fast = law.init(), law.realtime()
         for k in range(150):
             output, state = law.step(state, *inputs(law.arm, k))
-            assert np.array_equal(fast.torque(*inputs(law.arm, k)), output.tau)
-        assert np.array_equal(fast.state.rows, state.rows)
+            torque = fast.torque(*inputs(law.arm, k))
+            assert torque == pytest.approx(output.tau, rel=1e-11, abs=1e-11)
+        assert fast.state.rows == pytest.approx(state.rows, rel=1e-10, abs=1e-10)
 
 
 def test_tick_is_pure() -> None:

@@ -10,10 +10,10 @@ import numpy as np
 from .._common.arrays import Array, BoolArray
 from ..law.poses import CartesianReference
 from ..law.rotations import RotationVector
-from ..robot.arm_model import ArmModel
 from .cartesian_base import CartesianControllerBase
 from .cartesian_telemetry import CartesianOutput
 from .protocol import Controller
+from .wrapper import Around
 
 AnyController: TypeAlias = Controller[Any] | CartesianControllerBase[Any]
 """A controller of the joints, or one at the tool."""
@@ -51,7 +51,7 @@ class ToolTick(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ToolView:
+class ToolView(Around):
     """A controller at the tool as one of the joints, which takes poses.
 
     Attributes:
@@ -62,16 +62,6 @@ class ToolView:
 
     controller: CartesianControllerBase[Any]
     measures_wrench: bool
-
-    @property
-    def arm(self) -> ArmModel:
-        """The controller's model of the arm."""
-        return self.controller.arm
-
-    @property
-    def dt(self) -> float:
-        """Control period [s]."""
-        return self.controller.dt
 
     def init(self) -> Any:
         """Return the state before the first tick."""
