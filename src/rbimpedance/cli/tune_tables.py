@@ -91,6 +91,7 @@ def worst_table(proposal: GainProposal) -> Table:
         [
             name,
             number(float(case.error.max())),
+            number(float(case.peak.max())),
             number(float(case.variation.sum())),
             number(float(case.needed.sum())),
             case.reason or "ok",
@@ -101,7 +102,7 @@ def worst_table(proposal: GainProposal) -> Table:
     (kind,) = (
         found if len(found := tuple(kinds(proposal.nominal.position_units))) == 1 else (units,)
     )
-    columns = ("|e1| late [{x}]", "variation [{f}/s]", "needed [{f}/s]")
+    columns = ("|e1| late [{x}]", "largest [{x}]", "variation [{f}/s]", "needed [{f}/s]")
     header = ("worst sample", *map(kind.write, columns), "")
     return table("simulated", header, rows)
 

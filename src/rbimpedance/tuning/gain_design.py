@@ -24,7 +24,8 @@ from ..law.surfaces import Surface
 from ..robot.arm_model import ArmModel
 from ..robot.units import FORCE
 from ..trajectories import Trajectory
-from .mismatch import Mismatch, balanced_model, measure
+from .coupling import Coupling, coupling_of
+from .mismatch import Mismatch, balanced_model, input_gains, measure
 from .motions import MotionMargin, sample_motions
 from .plant_sample import PlantSample
 from .uncertainty import Uncertainty
@@ -107,12 +108,14 @@ class Measured(NamedTuple):
         payload: Payload in that model [kg].
         samples: Plants that were measured.
         mismatch: How far they are from the model.
+        coupling: Whether the joints' laws are stable together; None for the blocks of a tool.
     """
 
     model: ArmModel
     payload: float
     samples: Sequence[PlantSample]
     mismatch: Mismatch
+    coupling: Coupling | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -154,7 +157,9 @@ def measure_task(task: DesignTask) -> Measured:
     )
     model, payload = balanced_model(arm, uncertainty, motions, dt)
     samples = uncertainty.sample(arm, task.samples, seed=task.seed)
-    return Measured(model, payload, samples, measure(model, samples, motions, dt))
+    mismatch = measure(model, samples, motions, dt)
+    coupling = coupling_of(input_gains(model, samples, motions, dt))
+    return Measured(model, payload, samples, mismatch, coupling)
 
 
 def design(task: DesignTask, measured: Measured, *, slower: float = 1.0) -> Design:
@@ -279,6 +284,13 @@ def _checked_design(task: DesignTask, found: Design) -> Design:
             f"{task.dt:g} s no margin up to {LARGEST_MARGIN:g} tolerates that"
         )
         return replace(found, joint=joint, reason=reason)
+    coupling = found.measured.coupling
+    if coupling is not None and coupling.least <= 0.0:
+        reason = (
+            f"joint '{names[coupling.joint]}' answers its own torque with {coupling.least:.2g} times the acceleration "
+            "that the model expects, the other joints' torques unchanged: the wrong way round"
+        )
+        return replace(found, joint=coupling.joint, reason=reason)
     joint = int(np.argmax(found.error + found.noise_error))
     unit = units[joint]
     if found.error[joint] + found.noise_error[joint] > task.accuracy:

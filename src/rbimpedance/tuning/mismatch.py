@@ -131,23 +131,40 @@ def balanced_model(
 
 def _look(model: ArmModel, sample: PlantSample, motions: Sequence[Motion], dt: float) -> _Seen:
     """Measure one plant."""
-    nv, kappa = model.nv, sample.torque_constant
+    nv = model.nv
     torque, disturbance, rate = np.zeros(nv), np.zeros(nv), np.zeros(nv)
-    inertia, low, high = np.full(nv, np.inf), (np.inf, 0), (0.0, 0)
-    softest, stiffest = (dt * slope for slope in _friction_slopes(sample.plant))
+    softest = dt * _friction_slopes(sample.plant)[0]
     for now, then in motions:
         missed, pushed = missed_torque(model, sample, now, softest)
         _, pushed_then = missed_torque(model, sample, then, softest)
         torque = np.maximum(torque, np.abs(missed))
         disturbance = np.maximum(disturbance, np.abs(pushed))
         rate = np.maximum(rate, np.abs(pushed_then - pushed) / dt)
-        M_true = sample.plant.raw_dynamics.mass_matrix(now.q)
-        M_model = kappa[:, None] * model.raw_dynamics.mass_matrix(now.q)
-        inertia = np.minimum(inertia, 1.0 / np.diag(np.linalg.inv(M_true + np.diag(softest))))
-        for slope in (softest, stiffest) if (stiffest > softest).any() else (softest,):
-            gains = _gains(M_true + np.diag(slope), M_model)
-            low, high = min(low, gains[0]), max(high, gains[1])
-    return _Seen(torque, disturbance, rate, inertia, low, high)
+    M_true, gains = _input_gains(model, sample, motions, dt)
+    softest_held = np.linalg.inv(M_true[: len(motions)]).diagonal(axis1=1, axis2=2)
+    inertia = (1.0 / softest_held).min(axis=0)
+    return _Seen(torque, disturbance, rate, inertia, *_extreme_gains(M_true, gains))
+
+
+def input_gains(
+    model: ArmModel, samples: Sequence[PlantSample], motions: Sequence[Motion], dt: float
+) -> Array:
+    """Return G of every sample at every motion, shape (N, nv, nv); see `measure`."""
+    return np.concatenate([_input_gains(model, sample, motions, dt)[1] for sample in samples])
+
+
+def _input_gains(
+    model: ArmModel, sample: PlantSample, motions: Sequence[Motion], dt: float
+) -> tuple[Array, Array]:
+    """M_true as a torque held for a period meets it, with the softest friction first, and G, at every motion."""
+    slopes = [dt * slope for slope in _friction_slopes(sample.plant)]
+    slopes = slopes if (slopes[1] > slopes[0]).any() else slopes[:1]
+    places = [now.q for now, _ in motions]
+    M_true = np.array([sample.plant.raw_dynamics.mass_matrix(q) for q in places])
+    M_model = np.array([model.raw_dynamics.mass_matrix(q) for q in places])
+    M_held = np.concatenate([M_true + np.diag(slope) for slope in slopes])
+    asked = sample.torque_constant[:, None] * M_model
+    return M_held, np.linalg.solve(M_held, np.concatenate([asked] * len(slopes)))
 
 
 def missed_torque(
@@ -167,13 +184,13 @@ def missed_torque(
     return missed, np.asarray(np.linalg.solve(M, missed), dtype=np.float64)
 
 
-def _gains(M_true: Array, M_model: Array) -> tuple[tuple[float, int], tuple[float, int]]:
-    """Smallest and largest eigenvalue of M_true⁻¹·M_model, each with the joint that moves most of its energy."""
-    values, vectors = np.linalg.eig(np.linalg.solve(M_true, M_model))
-    shares = np.abs(vectors * (M_true @ vectors))
-    joints, sizes = shares.argmax(axis=0), np.abs(values)
-    i, j = int(sizes.argmin()), int(sizes.argmax())
-    return (float(sizes[i]), int(joints[i])), (float(sizes[j]), int(joints[j]))
+def _extreme_gains(M_true: Array, gains: Array) -> tuple[tuple[float, int], tuple[float, int]]:
+    """Smallest and largest eigenvalue of G, each with the joint that moves most of its energy."""
+    values, vectors = np.linalg.eig(gains)
+    joints = np.abs(vectors * (M_true @ vectors)).argmax(axis=1)
+    sizes = np.abs(values)
+    low, high = (np.unravel_index(k, sizes.shape) for k in (sizes.argmin(), sizes.argmax()))
+    return (float(sizes[low]), int(joints[low])), (float(sizes[high]), int(joints[high]))
 
 
 def _with_friction_over_period(

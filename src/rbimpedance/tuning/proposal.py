@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, overload
+from typing import Any, cast, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +24,7 @@ from ..robot.units import error_unit
 from ..trajectories import Trajectory
 from ..trajectories.cartesian import CartesianTrajectory
 from .checks import Checked
+from .coupling import Coupling
 from .gain_design import DesignTask
 from .hardware_proposal import HardwareProposal, propose_for_hardware
 from .mismatch import Mismatch
@@ -58,6 +59,7 @@ class GainProposal:
         k2: Gain of the integral [rad/s³].
         margin: Of the matched scheme.
         mismatch: The bounds behind the gains.
+        coupling: Whether the joints' laws are stable together, whatever the gains.
         gain_limit: Input gain that the scheme tolerates at this margin and period; 0 where there is none.
         error: Error e1 that the scheme leaves, predicted [rad or m].
         noise_error: Error e1 caused by sensor noise [rad or m].
@@ -84,6 +86,7 @@ class GainProposal:
     k2: Array
     margin: Array
     mismatch: Mismatch
+    coupling: Coupling
     gain_limit: float
     error: Array
     noise_error: Array
@@ -123,7 +126,21 @@ class GainProposal:
             f"The controller's model holds {self.payload:.3g} kg. A plant answers with {mismatch.gain_low:.2g} to "
             f"{mismatch.gain_high:.2g} times the acceleration that the model expects; the scheme tolerates up to "
             f"{self.gain_limit:.2g} with margin {float(self.margin.max()):.3g} at dt = {self.dt:g} s. "
-            f"{self._explain_error()}{self._explain_torque()}"
+            f"{self._explain_error()}{self._explain_torque()} {self._explain_coupling()}"
+        )
+
+    def _explain_coupling(self) -> str:
+        """Whether the joints are proven to be stable together."""
+        coupling, names = self.coupling, self.nominal.joint_names
+        if coupling.is_proven:
+            return (
+                "One diagonal matrix shows for all sampled plants that coupled joints converge together, with an input "
+                f"gain of {coupling.gain:.2g} at least."
+            )
+        first, second = (names[i] for i in sorted(coupling.pair))
+        return (
+            f"Not proven: no diagonal matrix shows that coupled joints converge together; '{first}' and '{second}' are "
+            "coupled most. Known rotors, a payload in the model or narrower ranges help."
         )
 
     def _explain_error(self) -> str:
@@ -331,6 +348,7 @@ def _proposal(task: DesignTask, checked: Checked, tried: Tried) -> GainProposal:
         k2=found.k2,
         margin=margin,
         mismatch=found.measured.mismatch,
+        coupling=cast("Coupling", found.measured.coupling),
         gain_limit=found.gain_limit,
         error=found.error,
         noise_error=found.noise_error,

@@ -53,6 +53,8 @@ class ExtremeCase(NamedTuple):
         noisy: Whether the sensors had the uncertainty's noise.
         result: The log, up to the divergence where there was one.
         error: Largest true error abs(e1) over the last two fifths; with limits over the last fifth [rad or m].
+        peak: Largest true error over the whole run [rad or m].
+        peak_torque: Largest torque [N·m or N].
         variation: Variation of the torque over that time [N·m/s or N/s].
         needed: Variation that the motion itself needs [N·m/s or N/s].
         joint: Joint that failed, or None.
@@ -64,6 +66,8 @@ class ExtremeCase(NamedTuple):
     noisy: bool
     result: SimulationResult
     error: Array
+    peak: Array
+    peak_torque: Array
     variation: Array
     needed: Array
     joint: int | None
@@ -103,7 +107,7 @@ def worst_cases(
     q0: Array,
     demand: TorqueDemand | None,
 ) -> Iterator[ExtremeCase]:
-    """Simulate the extreme samples without noise, and then with it.
+    """Simulate the extreme samples without noise, from starts on both sides of the motion, and then with noise.
 
     Args:
         task: The requirements.
@@ -116,9 +120,21 @@ def worst_cases(
     strenuous = () if demand is None else demand.strenuous
     samples = {id(sample): sample for sample in (*strenuous, *extremes)}.values()
     noisy = bool(design.noise_error.max() > 0.0)
-    for with_noise in (False, True) if noisy else (False,):
+    for start in _both_sides(task, q0):
         for sample in samples:
-            yield _run(task, design, impedance, q0, sample, with_noise)
+            yield _run(task, design, impedance, start, sample, noisy=False)
+    for sample in samples if noisy else ():
+        yield _run(task, design, impedance, q0, sample, noisy=True)
+
+
+def _both_sides(task: DesignTask, q0: Array) -> tuple[Array, ...]:
+    """The start, and the one as far on the other side of the motion, within the position limits."""
+    dynamics, on_motion = task.arm.raw_dynamics, np.asarray(task.trajectory(0.0).q)
+    away = dynamics.difference(q0, on_motion)
+    if not away.any():
+        return (q0,)
+    other: Array = np.clip(dynamics.integrate(on_motion, away), task.arm.lower, task.arm.upper)
+    return q0, other
 
 
 def true_error(plant: ArmModel, result: SimulationResult) -> Array:
@@ -165,19 +181,31 @@ def _run(
     after = (LATE if task.limits is None else LATE_AT_LIMITS) * ticks * task.dt
     late = result.t >= after
     if diverged is not None:
-        infinite = np.full(task.arm.nv, np.inf)
+        x = np.full(task.arm.nv, np.inf)
         joint = task.arm.joint_names.index(diverged.joint)
         reason = f"joint '{diverged.joint}' diverges after {diverged.time:.3g} s"
-        return ExtremeCase(sample, noisy, result, infinite, infinite, infinite, joint, reason, True)
-    error = np.abs(true_error(sample.plant, result)[late]).max(axis=0)
+        return ExtremeCase(sample, noisy, result, x, x, x, x, x, joint, reason, True)
+    errors = np.abs(true_error(sample.plant, result))
+    error = errors[late].max(axis=0)
     variation = result.metrics(after=after)["tau_variation"]
     needed = needed_variation(sample.plant, task.trajectory, result.t[late][::STRIDE])
     joint_failed, reason, unstable = _verdict(task, design, noisy, error, variation, needed)
+    if joint_failed is None:
+        joint_failed, reason = _deviation(task.arm, result)
     if joint_failed is not None and result.saturated.any():
         reason += at_limits(task, result)
+    peaks = errors.max(axis=0), np.abs(result.tau).max(axis=0)
     return ExtremeCase(
-        sample, noisy, result, error, variation, needed, joint_failed, reason, unstable
+        sample, noisy, result, error, *peaks, variation, needed, joint_failed, reason, unstable
     )
+
+
+def _deviation(arm: ArmModel, result: SimulationResult) -> tuple[int | None, str]:
+    """The joint that was far from its reference on the way, and in words when and how far; see `Verdict`."""
+    for finding in result.verdict().findings:
+        if finding.kind == "deviation":
+            return arm.joint_names.index(finding.joint), f"in simulation, {finding.words}"
+    return None, ""
 
 
 def at_limits(task: DesignTask, result: SimulationResult) -> str:
