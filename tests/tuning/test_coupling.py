@@ -41,8 +41,7 @@ def holds_exactly(weights: Array, gain: Array) -> bool:
 
 def of_two(arm: rbi.ArmModel, other: rbi.ArmModel, q: Array) -> Array:
     """G of two arms at a posture."""
-    gain: Array = np.linalg.solve(arm.mass_matrix(q), other.mass_matrix(q))
-    return gain
+    return np.asarray(np.linalg.solve(arm.mass_matrix(q), other.mass_matrix(q)), dtype=np.float64)
 
 
 def test_one_matrix_of_two_joints_has_weights_exactly_where_its_minors_are_positive(
@@ -148,7 +147,9 @@ def proposal_of(folder: Path, seed: int) -> rbi.GainProposal:
     """From a start 0.1 rad off the motion."""
     arm, unknown, motion = task_of(folder, seed)
     start: dict[str, Any] = {"q0": motion(0.0).q + 0.1, "duration": 2.0}
-    return rbi.propose_gains(arm, unknown, motion, 1e-4, remedy_time=0.0, instants=9, **start)
+    proposal = rbi.propose_gains(arm, unknown, motion, 1e-4, remedy_time=0.0, instants=9, **start)
+    assert isinstance(proposal, rbi.GainProposal)
+    return proposal
 
 
 def test_arm_whose_joint_answers_the_wrong_way_round_is_refused(tmp_path: Path) -> None:

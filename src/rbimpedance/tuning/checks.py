@@ -16,8 +16,9 @@ from .torque_demand import TorqueDemand
 from .torque_limits import demand_of, exertion_of, refused_for_torque, without_reserve
 from .worst_case import ExtremeCase, worst_cases
 
-SLOWER, ROUNDS = 1.6, 3
-"""Factor by which the margin grows where a worst sample chatters or diverges, and how often it is tried."""
+SLOWER, FIRMER, ROUNDS = 1.6, 3.0, 3
+"""Factors by which the margin grows where a worst sample chatters or diverges, and k2 where one keeps an error, and how
+often that is tried."""
 
 
 class Checked(NamedTuple):
@@ -37,7 +38,7 @@ class Checked(NamedTuple):
 
 
 def solve(task: DesignTask, measured: Measured, impedance: Impedance, q0: Array) -> Checked:
-    """Design gains, simulate the worst samples, and slow the scheme down where one of them chatters or diverges.
+    """Design gains and simulate the worst samples; slower where one of them chatters, firmer where one keeps an error.
 
     Args:
         task: The requirements.
@@ -46,10 +47,10 @@ def solve(task: DesignTask, measured: Measured, impedance: Impedance, q0: Array)
         q0: Initial configuration, shape (nq,).
     """
     exertion = None if task.limits is None else exertion_of(task, measured.samples)
-    slower, certificate = 1.0, None
+    slower, firmer, certificate = 1.0, 1.0, None
     worst: tuple[ExtremeCase, ...] = ()
     for _ in range(ROUNDS):
-        found = design(task, measured, slower=slower)
+        found = design(task, measured, slower=slower, firmer=firmer)
         if np.isfinite(found.margin):
             certificate = _certificate(task, found, q0)
             found = _certified(task, found, certificate)
@@ -57,7 +58,7 @@ def solve(task: DesignTask, measured: Measured, impedance: Impedance, q0: Array)
         if demand is not None and not demand.feasible:
             found = refused_for_torque(task, found, demand)
         if found.joint is not None:
-            so_far = f"{worst[-1].reason}, and slower, " if worst else ""
+            so_far = f"{worst[-1].reason}, and with other gains, " if worst else ""
             found = replace(found, reason=so_far + found.reason)
             break
         worst = _until_failure(worst_cases(task, found, impedance, q0, demand))
@@ -67,9 +68,12 @@ def solve(task: DesignTask, measured: Measured, impedance: Impedance, q0: Array)
         found = replace(found, joint=failed.joint, reason=failed.reason)
         if demand is not None and not demand.with_reserve:
             found = without_reserve(task, found, demand)
-        if not failed.unstable:
+        if failed.unstable:
+            slower *= SLOWER
+        elif failed.error_stays:
+            firmer *= FIRMER
+        else:
             break
-        slower *= SLOWER
     return Checked(found, certificate, worst, demand)
 
 

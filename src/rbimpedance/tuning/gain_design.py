@@ -37,6 +37,9 @@ _K2_OVER_RATE = 1.5
 _LEAST_RATE = (
     1e-9  # of a disturbance [rad/s³]: without a margin there is no bound, even if it is constant
 )
+_JUMP = 2.0 / np.e
+"""About s = 0 a disturbance w moves s by p/(p + 1/H)²: by H²·abs(ẇ) and by 2/e·H·abs(w) at most (norms in L1)."""
+
 _LARGEST_ERROR = np.pi
 _BISECTIONS = 40
 
@@ -162,16 +165,20 @@ def measure_task(task: DesignTask) -> Measured:
     return Measured(model, payload, samples, mismatch, coupling)
 
 
-def design(task: DesignTask, measured: Measured, *, slower: float = 1.0) -> Design:
+def design(
+    task: DesignTask, measured: Measured, *, slower: float = 1.0, firmer: float = 1.0
+) -> Design:
     """Return the gains that the bounds call for, and whether any gains tolerate them.
 
     Args:
         task: The requirements.
         measured: From `measure_task`.
         slower: Factor on the margin beyond what the input gain needs.
+        firmer: Factor on k2 beyond what the mismatch needs; k1 follows.
     """
     surfaces = usual_surfaces() if task.surface is None else (task.surface,)
     k1, k2 = _k1_and_k2(task, measured.mismatch, surfaces[0], slower)
+    k1, k2 = np.sqrt(firmer) * k1, firmer * k2
     designs = [_on_surface(task, measured, surface, k1, k2, slower) for surface in surfaces]
     best = min(designs, key=lambda found: float(found.error.max()))
     if best.noise_error.max() > 0.0 and np.isfinite(best.margin):
@@ -197,7 +204,8 @@ def _on_surface(
     mismatch, uncertainty = measured.mismatch, task.uncertainty
     margin, limit = _margin(task, mismatch, surface, slower, least)
     rate = np.maximum(mismatch.disturbance_rate, _LEAST_RATE)
-    s = (margin * task.dt) ** 2 * rate / mismatch.gain_low
+    horizon = margin * task.dt
+    s = horizon * np.minimum(horizon * rate, _JUMP * mismatch.disturbance) / mismatch.gain_low
     slope, zero = slope_at_zero(surface, task.arm.nv), np.zeros(task.arm.nv)
     return Design(
         measured=measured,

@@ -61,7 +61,8 @@ class GainProposal:
         mismatch: The bounds behind the gains.
         coupling: Whether the joints' laws are stable together, whatever the gains.
         gain_limit: Input gain that the scheme tolerates at this margin and period; 0 where there is none.
-        error: Error e1 that the scheme leaves, predicted [rad or m].
+        error: Error e1 that the disturbance leaves, estimated from its largest rate at the sampled instants; the
+            sampling and reversals of friction in between come on top. `worst` has simulated errors [rad or m].
         noise_error: Error e1 caused by sensor noise [rad or m].
         noise_torque: Torque caused by it, about [N·m or N].
         certificate: Theorem 1 for the effective gains at the smallest input gain; None where the margin is infinite.
