@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 import rbimpedance as rbi
 from rbimpedance.trajectories import Trajectory
 from rbimpedance.tuning.coupling import common_weights, coupling_of
+from rbimpedance.tuning.worst_case import usual_impedance
 
 from ..arms import urdf
 
@@ -161,14 +162,22 @@ def test_arm_whose_joint_answers_the_wrong_way_round_is_refused(tmp_path: Path) 
     assert "wrong way round" in refused.reason
 
 
-def test_gains_that_throw_an_arm_on_its_way_are_refused(tmp_path: Path) -> None:
-    """It starts 0.1 rad off, swings out to 0.5 and settles: the late error alone would say yes."""
-    refused = proposal_of(tmp_path, 4)
-    assert refused.coupling.is_proven
-    assert refused.worst[-1].error.max() < 1e-3
-    assert refused.worst[-1].peak.max() > 0.4
-    assert not refused.feasible
-    assert "from its reference at" in refused.reason
+def test_gains_that_throw_an_arm_on_its_way_are_made_firmer(tmp_path: Path) -> None:
+    """It starts 0.1 rad off and settles either way; with a third of k2 it swings out to 0.5 before."""
+    proposal = proposal_of(tmp_path, 4)
+    assert proposal.feasible
+    assert max(float(case.peak.max()) for case in proposal.worst) < 0.2
+    gains = proposal.k1 / np.sqrt(3.0), proposal.k2 / 3.0, "matched", proposal.margin
+    soft = rbi.ImpedanceController(
+        proposal.arm, usual_impedance(), proposal.surface, rbi.SuperTwisting(*gains), proposal.dt
+    )
+    peaks = []
+    for case in proposal.worst:
+        q0, motion = case.result.q[0], proposal.trajectory
+        run = rbi.simulate(soft, case.sample.plant, motion, q0=q0, duration=2.0)
+        assert np.abs(run.e1[-1]).max() < 1e-3
+        peaks.append(float(np.abs(run.e1).max()))
+    assert max(peaks) > 0.4
 
 
 @pytest.mark.slow

@@ -203,9 +203,7 @@ def _on_surface(
     """The design with one surface, not checked yet."""
     mismatch, uncertainty = measured.mismatch, task.uncertainty
     margin, limit = _margin(task, mismatch, surface, slower, least)
-    rate = np.maximum(mismatch.disturbance_rate, _LEAST_RATE)
-    horizon = margin * task.dt
-    s = horizon * np.minimum(horizon * rate, _JUMP * mismatch.disturbance) / mismatch.gain_low
+    s = _left_on_surface(mismatch, margin * task.dt)
     slope, zero = slope_at_zero(surface, task.arm.nv), np.zeros(task.arm.nv)
     return Design(
         measured=measured,
@@ -219,6 +217,15 @@ def _on_surface(
         + _error_on(surface, zero + uncertainty.velocity_noise),
         noise_torque=mismatch.inertia * _noise_acceleration(task, slope, k1, margin),
     )
+
+
+def _left_on_surface(mismatch: Mismatch, horizon: float) -> Array:
+    """Return the value of s that the disturbance leaves with H = margin·dt, shape (nv,)."""
+    if not np.isfinite(horizon):
+        return np.full(mismatch.disturbance.shape, np.inf)
+    rate = np.maximum(mismatch.disturbance_rate, _LEAST_RATE)
+    s: Array = horizon * np.minimum(horizon * rate, _JUMP * mismatch.disturbance)
+    return s / mismatch.gain_low
 
 
 def _noise_acceleration(task: DesignTask, slope: Array, k1: Array, margin: float) -> Array:
