@@ -167,9 +167,10 @@ def test_gains_that_throw_an_arm_on_its_way_are_made_firmer(tmp_path: Path) -> N
     proposal = proposal_of(tmp_path, 4)
     assert proposal.feasible
     assert max(float(case.peak.max()) for case in proposal.worst) < 0.2
-    gains = proposal.k1 / np.sqrt(3.0), proposal.k2 / 3.0, "matched", proposal.margin
+    k1, k2 = proposal.k1 / np.sqrt(3.0), proposal.k2 / 3.0
+    reaching = rbi.SuperTwisting(k1, k2, "matched", proposal.margin)
     soft = rbi.ImpedanceController(
-        proposal.arm, usual_impedance(), proposal.surface, rbi.SuperTwisting(*gains), proposal.dt
+        proposal.arm, usual_impedance(), proposal.surface, reaching, proposal.dt
     )
     peaks = []
     for case in proposal.worst:
