@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,6 +13,14 @@ import numpy as np
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 FIGURES = DOCS / "figures"
+
+
+def parser(description: str | None) -> argparse.ArgumentParser:
+    """Return the parser of a program that writes figures and rewrites pages; the first line describes it."""
+    made = argparse.ArgumentParser(description=(description or "").splitlines()[0])
+    made.add_argument("--out", type=Path, default=FIGURES, help="folder of the figures")
+    made.add_argument("--docs", type=Path, default=DOCS, help="folder of the pages")
+    return made
 
 
 def rewrite(page: Path, tables: Mapping[str, str]) -> None:

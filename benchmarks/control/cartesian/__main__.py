@@ -7,11 +7,9 @@ Writes docs/figures/cartesian.json and rewrites the tables of the page; what is 
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -98,13 +96,11 @@ def tables(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
 
 def main() -> None:
     """Measure, write and tabulate."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = pages.parser(__doc__)
     parser.add_argument("--robots", nargs="*", choices=ROBOTS, default=list(ROBOTS))
     parser.add_argument("--laws", nargs="*", choices=LAWS, default=list(LAWS))
     parser.add_argument("--without-noise", action="store_true", help="keep the noisy runs")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
-    parser.add_argument("--out", type=Path, default=pages.FIGURES)
-    parser.add_argument("--docs", type=Path, default=pages.DOCS, help="folder of the page")
     parser.add_argument("--tabulate", action="store_true", help="only tabulate what is there")
     asked = parser.parse_args()
     path = asked.out / "cartesian.json"

@@ -8,13 +8,11 @@ arms that are left out keep what they had; `--out` and `--docs` say where it goe
 
 from __future__ import annotations
 
-import argparse
 import json
 import logging
 import os
 from collections.abc import Iterator
 from multiprocessing import Manager
-from pathlib import Path
 from time import sleep
 from typing import Any
 
@@ -61,12 +59,10 @@ def measured(names: list[str], halvings: int, jobs: int) -> Iterator[dict[str, A
 
 def main() -> None:
     """Measure, write, draw, tabulate."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = pages.parser(__doc__)
     parser.add_argument("--arms", nargs="*", choices=ARMS, default=list(ARMS))
     parser.add_argument("--quick", action="store_true", help="bounds by a factor of four only")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
-    parser.add_argument("--out", type=Path, default=pages.FIGURES)
-    parser.add_argument("--docs", type=Path, default=pages.DOCS, help="folder of the page")
     parser.add_argument("--draw", action="store_true", help="only draw and tabulate what is there")
     asked = parser.parse_args()
     path = asked.out / "hardware.json"

@@ -8,7 +8,6 @@ keeps what it had. `--plants` and `--few` are for a quick look; `--out` and `--d
 
 from __future__ import annotations
 
-import argparse
 import json
 import logging
 import os
@@ -72,7 +71,7 @@ def rewrite(folder: Path, tables: Mapping[str, str]) -> None:
 
 def main() -> None:
     """Measure, write, draw, tabulate."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = pages.parser(__doc__)
     parser.add_argument("--parts", nargs="*", choices=PARTS, default=list(PARTS))
     parser.add_argument("--arms", nargs="*", choices=ARMS, default=list(ARMS))
     parser.add_argument("--plants", type=int, default=200, help="sampled plants where many count")
@@ -80,8 +79,6 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=4)
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
     parser.add_argument("--backend", default="compiled", help="of the simulations")
-    parser.add_argument("--out", type=Path, default=pages.FIGURES)
-    parser.add_argument("--docs", type=Path, default=pages.DOCS, help="folder of the pages")
     asked = parser.parse_args()
     options = common.Options(tuple(asked.arms), asked.plants, asked.few, asked.seed)
     simulation = {"backend": asked.backend}
