@@ -53,6 +53,28 @@ def positive(name: str, value: ArrayLike, nv: int | None = None) -> Array:
     return array if nv is None else per_joint(name, array, nv)
 
 
+def positive_or_infinite(name: str, value: ArrayLike, infinite: str = ": no limit") -> Array:
+    """Return a read-only scalar or vector of positive numbers, some of which may be infinite.
+
+    Args:
+        name: Parameter's name, for the error.
+        value: Scalar or (nv,).
+        infinite: What infinity means, for the error.
+
+    Raises:
+        ParameterError: Anything else.
+    """
+    words = f"positive (+inf{infinite}), a scalar or one number per joint"
+    try:
+        array = np.array(real(name, value, words))
+    except DimensionError as error:
+        raise ParameterError(name, value, words) from error
+    if array.ndim > 1 or not (array > 0.0).all():
+        raise ParameterError(name, value, words)
+    array.setflags(write=False)
+    return array
+
+
 def positive_or(name: str, value: ArrayLike | None, default: Array) -> Array:
     """Return positive gains for every joint, or a default where none are given, shape (nv,).
 

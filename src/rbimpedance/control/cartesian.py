@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import positive_number
 from .._common.brief import brief_repr
-from .._common.frozen import set_fields
+from .._common.frozen import MadeAnew, set_fields
 from ..law.cartesian_impedance import CartesianFilter, CartesianImpedance, Displacement
 from ..law.damped_inverse import Damping
 from ..law.joint_bounds import JointBounds
@@ -44,7 +43,7 @@ class Posture:
 
 @brief_repr("arm", "frame", "dt", "impedance", "surface", "reaching", "limits")
 @dataclass(frozen=True, eq=False, init=False)
-class CartesianController(CartesianControllerBase[CartesianState]):
+class CartesianController(MadeAnew, CartesianControllerBase[CartesianState]):
     """Super-twisting terminal sliding-mode impedance controller for a frame of the arm.
 
     The target impedance turns the measured wrench f into the reference pose x_r. With J the frame's Jacobian and V a
@@ -91,6 +90,7 @@ class CartesianController(CartesianControllerBase[CartesianState]):
     limits: Limits | None
     joint_limits: bool
     _law: CartesianLaw
+    _made = ("_law",)
 
     def __init__(
         self,
@@ -127,9 +127,9 @@ class CartesianController(CartesianControllerBase[CartesianState]):
             joint_limits=joint_limits,
             damping=damping,
         )
-        self._make_law()
+        self._make()
 
-    def _make_law(self) -> None:
+    def _make(self) -> None:
         arm, (q_n, surface, reaching) = self.arm, vars(self.posture).values()
         for part in (self.surface, self.reaching):
             part.check(6)
@@ -152,13 +152,6 @@ class CartesianController(CartesianControllerBase[CartesianState]):
             dt=self.dt,
         )
         set_fields(self, _law=law)
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name != "_law"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        set_fields(self, **state)
-        self._make_law()
 
     def init(self) -> CartesianState:
         """Return the state before the first tick: target at rest, integrals zero."""

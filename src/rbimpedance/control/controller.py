@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from .._common.arrays import Array, positive_number
 from .._common.brief import brief_repr
 from .._common.deprecation import renamed_arguments, renamed_attribute
-from .._common.frozen import set_fields
+from .._common.frozen import MadeAnew, set_fields
 from ..law.impedance import TargetFilter, TargetImpedance
 from ..law.limits import Limits, as_limits
 from ..law.super_twisting import FormulaReaching
@@ -33,7 +33,7 @@ from .tick import ControlLaw, Step, TickForm, numpy_tick
 
 @brief_repr("arm", "dt", "backend", "impedance", "surface", "reaching", "limits")
 @dataclass(frozen=True, eq=False, init=False)
-class ImpedanceController(ControllerBase[ControllerState, ControllerOutput]):
+class ImpedanceController(MadeAnew, ControllerBase[ControllerState, ControllerOutput]):
     """Super-twisting terminal sliding-mode impedance controller for n joints.
 
     The law of the paper's eq. (8), with a = a_r + (feedforward + u)/zoh_gain and zoh_gain = 1 on the paper's surface:
@@ -86,6 +86,7 @@ class ImpedanceController(ControllerBase[ControllerState, ControllerOutput]):
     _form: TickForm
     _compute: Step
     _own: Any
+    _made = "_law", "_form", "_compute", "_own"
 
     @renamed_arguments(knowledge="model")
     def __init__(
@@ -122,23 +123,15 @@ class ImpedanceController(ControllerBase[ControllerState, ControllerOutput]):
             backend=backend,
             _filter=impedance.filter(arm.nv, dt),
         )
-        self._choose_form()
+        self._make()
 
-    def _choose_form(self) -> None:
+    def _make(self) -> None:
         law = ControlLaw(
             self.arm, self._filter, self.surface, self.reaching, self.dt, self.model, self.limits
         )
         form = tick_form(self.backend, law)  # "numpy", "pinocchio" or "compiled"
         step, own = form.step
         set_fields(self, _law=law, _form=form, _compute=step, _own=own)
-
-    def __getstate__(self) -> dict[str, Any]:
-        made_anew = "_law", "_form", "_compute", "_own"
-        return {name: value for name, value in vars(self).items() if name not in made_anew}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        set_fields(self, **state)
-        self._choose_form()
 
     def init(self) -> ControllerState:
         """Return the state before the first tick: filter at rest, integral zero."""

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, per_joint, positive
 from .._common.brief import brief_repr
-from .._common.frozen import set_fields
+from .._common.frozen import MadeAnew, set_fields
 from ..exceptions import ParameterError
 from ..law.impedance import TargetImpedance
 from ..law.limits import Limits, as_limits
@@ -53,7 +53,7 @@ class Bandwidths(NamedTuple):
 
 @brief_repr("arm", "hardware", "dt", "impedance", "bandwidths", "limits")
 @dataclass(frozen=True, eq=False, init=False)
-class HardwareController(Baseline[HardwareState]):
+class HardwareController(MadeAnew, Baseline[HardwareState]):
     """Robust impedance control on estimated speed and disturbance, for encoders that count and torque that lags.
 
     An `ImpedanceController` differentiates what the encoders count, and multiplies it by a high gain: on encoders of
@@ -95,6 +95,7 @@ class HardwareController(Baseline[HardwareState]):
     gate: NoiseGate
     learner: FrictionLearner
     _form: PlainForm
+    _made = ("_form",)
 
     def __init__(
         self,
@@ -133,18 +134,11 @@ class HardwareController(Baseline[HardwareState]):
         if self.limits is not None:
             self.limits.check(arm.nv)
 
-        self._choose_form()
+        self._make()
 
-    def _choose_form(self) -> None:
+    def _make(self) -> None:
         form = hardware_form(self) if self.backend == "compiled" else PlainForm()
         set_fields(self, _form=form)
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name != "_form"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        set_fields(self, **state)
-        self._choose_form()
 
     @property
     def learning_starts(self) -> float:

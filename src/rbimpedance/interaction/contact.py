@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, positive_number, read_only, size, vector
 from .._common.brief import brief_repr
-from .._common.frozen import set_fields
+from .._common.frozen import Converted, Gain, set_fields
 from ..exceptions import ParameterError
 from ..robot.arm_model import ArmModel
 from .wrenches import AppliedWrench, FrameWrench
@@ -18,8 +19,20 @@ from .wrenches import AppliedWrench, FrameWrench
 _RATE_STEP = 1e-6  # s: half the span of the central difference of a wall's displacement
 
 
+def _point(name: str, value: ArrayLike) -> Array:
+    return read_only(vector(name, value, 3, "x, y, z"))
+
+
+def _unit_vector(name: str, value: ArrayLike) -> Array:
+    direction = vector(name, value, 3, "x, y, z")
+    length = float(np.linalg.norm(direction))
+    if length == 0.0:
+        raise ParameterError(name, value, "a vector that is not zero")
+    return read_only(direction / length)
+
+
 @brief_repr()
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False)
 class Wall:
     """A flat, frictionless spring-damper surface that pushes on one point of the arm and never pulls.
 
@@ -45,36 +58,15 @@ class Wall:
         ParameterError: A normal of length zero, a stiffness that is not positive, or a negative damping.
     """
 
-    point: Array
-    normal: Array
-    stiffness: float
-    damping: float
-    frame: str | None
-    displacement: Callable[[float], float] | None
-
-    def __init__(
-        self,
-        point: ArrayLike,
-        normal: ArrayLike,
-        stiffness: float,
-        damping: float = 0.0,
-        *,
-        frame: str | None = None,
-        displacement: Callable[[float], float] | None = None,
-    ) -> None:
-        direction = vector("normal", normal, 3, "x, y, z")
-        length = float(np.linalg.norm(direction))
-        if length == 0.0:
-            raise ParameterError("normal", normal, "a vector that is not zero")
-        set_fields(
-            self,
-            point=read_only(vector("point", point, 3, "x, y, z")),
-            normal=read_only(direction / length),
-            stiffness=positive_number("stiffness", stiffness, "stiffness in N/m"),
-            damping=size("damping", damping),
-            frame=frame,
-            displacement=displacement,
-        )
+    point: Gain = Converted(_point)
+    normal: Gain = Converted(_unit_vector)
+    stiffness: Converted[float, float] = Converted(
+        partial(positive_number, meaning="stiffness in N/m")
+    )
+    damping: Converted[float, float] = Converted(size, 0.0)
+    _: KW_ONLY
+    frame: str | None = None
+    displacement: Callable[[float], float] | None = None
 
     def penetration(self, arm: ArmModel, t: float, q: ArrayLike) -> float:
         """Return δ [m]: how deep the frame's origin is in the wall; negative while it is free.

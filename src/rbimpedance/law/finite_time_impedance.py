@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import cast
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, per_joint, positive, positive_number
 from .._common.brief import brief_repr
-from .._common.frozen import set_fields
+from .._common.frozen import Converted, OptionalGain, set_fields, unless_none
 from ..exceptions import ParameterError
 from .impedance import ImpedanceFilter, ImpedanceMatrices, TargetFilter, chosen_damping_ratio
 
@@ -18,8 +18,24 @@ SMALLEST_EXPONENT = 0.01
 """Below it sig(x)^α1 is a relay, and its powers leave the range of float64."""
 
 
+def _positive_diagonal(name: str, value: ArrayLike | None) -> Array:
+    """Return a read-only positive scalar or vector; a matrix is refused with the reason."""
+    if value is None or np.ndim(value) == 2:
+        words = "a positive scalar or one number per joint (no matrix: sig acts joint by joint)"
+        raise ParameterError(name, value, words)
+    return positive(name, value)
+
+
+def _exponent(name: str, value: float | None) -> float:
+    alpha1 = positive_number(name, value, "exponent of at most 1")
+    if not SMALLEST_EXPONENT <= alpha1 <= 1.0:
+        words = f"in [{SMALLEST_EXPONENT:g}, 1]; 1 is the linear impedance"
+        raise ParameterError(name, value, words)
+    return alpha1
+
+
 @brief_repr()
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False)
 class FiniteTimeImpedance:
     """A target that returns in finite time after release: the paper's future work.
 
@@ -54,34 +70,14 @@ class FiniteTimeImpedance:
         rotational double integrators, IEEE Transactions on Automatic Control 43, 1998.
     """
 
-    mass: Array
-    damping: Array | None
-    stiffness: Array
-    exponent: float
-    damping_ratio: float | None
+    mass: Converted[ArrayLike | None, Array] = Converted(_positive_diagonal, None)
+    damping: OptionalGain = Converted(unless_none(_positive_diagonal), None)
+    stiffness: Converted[ArrayLike | None, Array] = Converted(_positive_diagonal, None)
+    exponent: Converted[float | None, float] = Converted(_exponent, None)
+    damping_ratio: float | None = field(default=None, kw_only=True)
 
-    def __init__(
-        self,
-        mass: ArrayLike,
-        damping: ArrayLike | None = None,
-        stiffness: ArrayLike | None = None,
-        exponent: float | None = None,
-        *,
-        damping_ratio: float | None = None,
-    ) -> None:
-        damping_ratio = chosen_damping_ratio(damping, damping_ratio)
-        alpha1 = positive_number("exponent", exponent, "exponent of at most 1")
-        if not SMALLEST_EXPONENT <= alpha1 <= 1.0:
-            words = f"in [{SMALLEST_EXPONENT:g}, 1]; 1 is the linear impedance"
-            raise ParameterError("exponent", exponent, words)
-        set_fields(
-            self,
-            mass=_positive_diagonal("mass", mass),
-            damping=None if damping is None else _positive_diagonal("damping", damping),
-            stiffness=_positive_diagonal("stiffness", stiffness),
-            exponent=alpha1,
-            damping_ratio=damping_ratio,
-        )
+    def __post_init__(self) -> None:
+        set_fields(self, damping_ratio=chosen_damping_ratio(self.damping, self.damping_ratio))
 
     def filter(self, nv: int, dt: float) -> TargetFilter:
         """Return its discrete filter: exact for exponent 1, else implicit and of second order.
@@ -109,11 +105,3 @@ class FiniteTimeImpedance:
         critical = (1.0 + alpha1) * k * (alpha2 * k / m) ** (-alpha2 / 2.0)
         d: Array = cast("float", self.damping_ratio) * critical
         return d
-
-
-def _positive_diagonal(name: str, value: ArrayLike | None) -> Array:
-    """Return a read-only positive scalar or vector; a matrix is refused with the reason."""
-    if value is None or np.ndim(value) == 2:
-        words = "a positive scalar or one number per joint (no matrix: sig acts joint by joint)"
-        raise ParameterError(name, value, words)
-    return positive(name, value)

@@ -7,7 +7,7 @@ discrete filter. `TargetImpedance` is what a controller needs of it, or of any o
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol, TypeVar, cast
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, positive_number
 from .._common.brief import brief_repr
-from .._common.frozen import set_fields
+from .._common.frozen import Converted, OptionalGain, set_fields, unless_none
 from ..exceptions import DimensionError, ParameterError
 
 _MISSING = {
@@ -68,8 +68,38 @@ class TargetImpedance(Protocol):
         """
 
 
+def _positive_definite(name: str, value: ArrayLike | None) -> Array:
+    """Return a read-only copy of a positive scalar, vector, or symmetric positive definite matrix."""
+    words = "a positive number, a vector of positive numbers (nv,), or a symmetric positive definite matrix (nv, nv)"
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ParameterError(name, value, words) from error
+    if array.ndim > 2 or (array.ndim == 2 and array.shape[0] != array.shape[1]):
+        raise DimensionError(name, words, f"shape {array.shape}")
+    if not np.isfinite(array).all():
+        raise ParameterError(name, value, words + ", all finite")
+    if array.ndim < 2:
+        if not (array > 0.0).all():
+            raise ParameterError(name, value, words)
+    else:
+        if np.abs(array - array.T).max() > 1e-10 * np.abs(array).max():
+            raise ParameterError(name, value, words + " (it is not symmetric)")
+        array = (array + array.T) / 2.0
+        if np.linalg.eigvalsh(array)[0] <= 0.0:
+            raise ParameterError(name, value, words + " (it is not positive definite)")
+    array.setflags(write=False)
+    return array
+
+
+def _given(name: str, value: ArrayLike | None) -> Array:
+    if value is None:
+        raise ParameterError(name, None, _MISSING[name])
+    return _positive_definite(name, value)
+
+
 @brief_repr("mass", "damping", "stiffness")
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False)
 class Impedance:
     """The mass, damper and spring that the arm should feel like: M_d, D_d, K_d (paper, eq. 2).
 
@@ -89,30 +119,13 @@ class Impedance:
         DimensionError: A shape other than (), (nv,) or (nv, nv).
     """
 
-    mass: Array
-    damping: Array | None
-    stiffness: Array
-    damping_ratio: float | None
+    mass: Converted[ArrayLike | None, Array] = Converted(_given, None)
+    damping: OptionalGain = Converted(unless_none(_positive_definite), None)
+    stiffness: Converted[ArrayLike | None, Array] = Converted(_given, None)
+    damping_ratio: float | None = field(default=None, kw_only=True)
 
-    def __init__(
-        self,
-        mass: ArrayLike | None = None,
-        damping: ArrayLike | None = None,
-        stiffness: ArrayLike | None = None,
-        *,
-        damping_ratio: float | None = None,
-    ) -> None:
-        for name, value in (("mass", mass), ("stiffness", stiffness)):
-            if value is None:
-                raise ParameterError(name, None, _MISSING[name])
-        damping_ratio = chosen_damping_ratio(damping, damping_ratio)
-        set_fields(
-            self,
-            mass=_positive_definite("mass", mass),
-            damping=None if damping is None else _positive_definite("damping", damping),
-            stiffness=_positive_definite("stiffness", stiffness),
-            damping_ratio=damping_ratio,
-        )
+    def __post_init__(self) -> None:
+        set_fields(self, damping_ratio=chosen_damping_ratio(self.damping, self.damping_ratio))
 
     def matrices(self, nv: int) -> ImpedanceMatrices:
         """Return M_d, D_d and K_d as matrices.
@@ -277,30 +290,6 @@ def chosen_damping_ratio(damping: ArrayLike | None, damping_ratio: float | None)
     if damping_ratio is None:
         return 1.0
     return positive_number("damping_ratio", damping_ratio, "damping ratio")
-
-
-def _positive_definite(name: str, value: ArrayLike | None) -> Array:
-    """Return a read-only copy of a positive scalar, vector, or symmetric positive definite matrix."""
-    words = "a positive number, a vector of positive numbers (nv,), or a symmetric positive definite matrix (nv, nv)"
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ParameterError(name, value, words) from error
-    if array.ndim > 2 or (array.ndim == 2 and array.shape[0] != array.shape[1]):
-        raise DimensionError(name, words, f"shape {array.shape}")
-    if not np.isfinite(array).all():
-        raise ParameterError(name, value, words + ", all finite")
-    if array.ndim < 2:
-        if not (array > 0.0).all():
-            raise ParameterError(name, value, words)
-    else:
-        if np.abs(array - array.T).max() > 1e-10 * np.abs(array).max():
-            raise ParameterError(name, value, words + " (it is not symmetric)")
-        array = (array + array.T) / 2.0
-        if np.linalg.eigvalsh(array)[0] <= 0.0:
-            raise ParameterError(name, value, words + " (it is not positive definite)")
-    array.setflags(write=False)
-    return array
 
 
 def _matrix(name: str, value: Array, nv: int) -> Array:

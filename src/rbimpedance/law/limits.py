@@ -10,10 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, BoolArray, check_gains
+from .._common.arrays import Array, BoolArray, check_gains, positive_or_infinite
 from .._common.brief import brief_repr
-from .._common.frozen import set_fields
-from ..exceptions import ParameterError
+from .._common.frozen import Converted, Gain
 from .formulas import clip, elementwise
 
 
@@ -119,7 +118,7 @@ class Allocation(NamedTuple):
 
 
 @brief_repr()
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False)
 class Limits:
     """Limits that the controller keeps.
 
@@ -136,15 +135,8 @@ class Limits:
         ParameterError: A limit that is not a positive number.
     """
 
-    effort: Array
-    rate: Array
-
-    def __init__(self, effort: ArrayLike = np.inf, rate: ArrayLike = np.inf) -> None:
-        set_fields(
-            self,
-            effort=_positive_or_infinite("effort", effort),
-            rate=_positive_or_infinite("rate", rate),
-        )
+    effort: Gain = Converted(positive_or_infinite, np.inf)
+    rate: Gain = Converted(positive_or_infinite, np.inf)
 
     def check(self, nv: int) -> None:
         """Check that the limits are for nv joints.
@@ -210,15 +202,3 @@ def as_limits(limits: Limits | ArrayLike | None) -> Limits | None:
         ParameterError: A limit that is not a positive number.
     """
     return limits if limits is None or isinstance(limits, Limits) else Limits(effort=limits)
-
-
-def _positive_or_infinite(name: str, value: ArrayLike) -> Array:
-    words = "positive (+inf: no limit), a scalar or one number per joint"
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ParameterError(name, value, words) from error
-    if array.ndim > 1 or not np.all(array > 0.0):
-        raise ParameterError(name, value, words)
-    array.setflags(write=False)
-    return array

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from .._common.arrays import Array, gain, positive
 from .._common.brief import brief_repr
 from .._common.deprecation import renamed_attribute
-from .._common.frozen import set_fields
+from .._common.frozen import Converted, Gain, set_fields
 from ..exceptions import ParameterError
 from .formulas import FormulaPart, clip, elementwise, sign
 
@@ -146,8 +146,18 @@ class FormulaReaching(FormulaPart):
         return following._replace(z=elementwise(rested, 1, state.z, following.z, unrealised_u))
 
 
+def _gain(name: str, value: ArrayLike | None) -> Array:
+    if value is None:
+        raise ParameterError(name, None, _GAINS_OF_AN_ARM)
+    return positive(name, value)
+
+
+def _margin(name: str, value: ArrayLike) -> Array:
+    return gain(name, value, "at least 1", lambda x: x >= 1.0)
+
+
 @brief_repr("k1", "k2", "scheme")
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False)
 class SuperTwisting(FormulaReaching):
     """Super-twisting with gains per joint, the paper's reaching law, in a chosen discretisation.
 
@@ -163,37 +173,20 @@ class SuperTwisting(FormulaReaching):
             k1 ≤ 0, k2 ≤ 0, margin < 1, margin ≠ 1 with another scheme than "matched", or an unknown scheme.
     """
 
-    k1: Array
-    k2: Array
-    scheme: Scheme
-    margin: Array
+    k1: Converted[ArrayLike | None, Array] = Converted(_gain, None)
+    k2: Converted[ArrayLike | None, Array] = Converted(_gain, None)
+    scheme: Scheme = "matched"
+    margin: Gain = Converted(_margin, 1.0)
 
-    def __init__(
-        self,
-        k1: ArrayLike | None = None,
-        k2: ArrayLike | None = None,
-        scheme: Scheme = "matched",
-        margin: ArrayLike = 1.0,
-    ) -> None:
-        if k1 is None or k2 is None:
-            raise ParameterError("k1" if k1 is None else "k2", None, _GAINS_OF_AN_ARM)
-        if scheme not in get_args(Scheme):
+    def __post_init__(self) -> None:
+        if self.scheme not in get_args(Scheme):
             raise ParameterError(
-                "scheme", scheme, "one of " + ", ".join(map(repr, get_args(Scheme)))
+                "scheme", self.scheme, "one of " + ", ".join(map(repr, get_args(Scheme)))
             )
-        margin = gain("margin", margin, "at least 1", lambda x: x >= 1.0)
-        if scheme != "matched" and np.any(margin != 1.0):
-            raise ParameterError(
-                "margin", margin, f"1 with the {scheme!r} scheme; only 'matched' has a margin"
-            )
-        set_fields(
-            self,
-            k1=positive("k1", k1),
-            k2=positive("k2", k2),
-            scheme=scheme,
-            margin=margin,
-            formula=_FORMULAS[scheme],
-        )
+        if self.scheme != "matched" and np.any(self.margin != 1.0):
+            words = f"1 with the {self.scheme!r} scheme; only 'matched' has a margin"
+            raise ParameterError("margin", self.margin, words)
+        set_fields(self, formula=_FORMULAS[self.scheme])
 
     def anti_windup(
         self, state: ReachingState, following: ReachingState, unrealised_u: Array, dt: float

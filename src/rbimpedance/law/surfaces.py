@@ -7,8 +7,10 @@ Notation: sig(x)^p = sign(x)·abs(x)^p, elementwise.
 
 from __future__ import annotations
 
+import functools
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -17,7 +19,7 @@ from numpy.typing import ArrayLike
 from .._common.arrays import Array, gain, positive
 from .._common.brief import brief_repr
 from .._common.deprecation import renamed_attribute
-from .._common.frozen import set_fields
+from .._common.frozen import Converted, Gain
 from .formulas import FormulaPart, elementwise, signed_power
 
 
@@ -211,8 +213,13 @@ def terms(surface: Surface, e1: Array, e2: Array, dt: float) -> tuple[Array, Arr
     return surface.value(e1, e2), surface.feedforward(e1, e2), surface.zoh_gain(e1, dt)
 
 
+def _between(low: float, high: float) -> Callable[[str, ArrayLike], Array]:
+    words = f"strictly between {low:g} and {high:g}"
+    return lambda name, value: gain(name, value, words, lambda x: (x > low) & (x < high))
+
+
 @brief_repr()
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False)
 class PowerSurface(FormulaSurface):
     """The paper's surface, s = γ·sig(e1)^p + e2.
 
@@ -226,16 +233,9 @@ class PowerSurface(FormulaSurface):
         ParameterError: γ ≤ 0, or p outside (1, 2).
     """
 
-    gamma: Array
-    exponent: Array
+    gamma: Gain = Converted(positive)
+    exponent: Gain = Converted(_between(1.0, 2.0))
     formula = staticmethod(power_formula)
-
-    def __init__(self, gamma: ArrayLike, exponent: ArrayLike) -> None:
-        set_fields(
-            self,
-            gamma=positive("gamma", gamma),
-            exponent=_strictly_between("exponent", exponent, 1.0, 2.0),
-        )
 
     def sliding_time(self, e1: ArrayLike) -> Array:
         """Infinite, except from e1 = 0: this surface has no finite-time convergence.
@@ -261,7 +261,7 @@ class PowerSurface(FormulaSurface):
 
 
 @brief_repr("rate", "gamma", "exponent")
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False)
 class FastTerminalSurface(FormulaSurface):
     """Finite-time and nonsingular: s = e2 + λ·e1 + γ·φ(e1).
 
@@ -283,40 +283,23 @@ class FastTerminalSurface(FormulaSurface):
         ParameterError: A gain that is not positive, or α outside (½, 1).
     """
 
-    rate: Array
-    gamma: Array
-    exponent: Array
-    smoothing: Array
-    _inner: tuple[Array, Array] = field(init=False)
+    rate: Gain = Converted(positive, 2.0)
+    gamma: Gain = Converted(positive, 3.0)
+    exponent: Gain = Converted(_between(0.5, 1.0), 0.6)
+    smoothing: Gain = Converted(positive, 1e-3)
     formula = staticmethod(fast_terminal_formula)
 
-    def __init__(
-        self,
-        rate: ArrayLike = 2.0,
-        gamma: ArrayLike = 3.0,
-        exponent: ArrayLike = 0.6,
-        smoothing: ArrayLike = 1e-3,
-    ) -> None:
-        alpha = _strictly_between("exponent", exponent, 0.5, 1.0)
-        eps = positive("smoothing", smoothing)
-        set_fields(
-            self,
-            rate=positive("rate", rate),
-            gamma=positive("gamma", gamma),
-            exponent=alpha,
-            smoothing=eps,
-            _inner=((2.0 - alpha) * eps ** (alpha - 1.0), (alpha - 1.0) * eps ** (alpha - 2.0)),
-        )
-
-    @property
+    @functools.cached_property
     def inner_slope(self) -> Array:
         """(2-α)·ε^(α-1), the slope of φ at 0."""
-        return self._inner[0]
+        slope: Array = (2.0 - self.exponent) * self.smoothing ** (self.exponent - 1.0)
+        return slope
 
-    @property
+    @functools.cached_property
     def inner_curve(self) -> Array:
         """(α-1)·ε^(α-2), what bends φ within ε."""
-        return self._inner[1]
+        curve: Array = (self.exponent - 1.0) * self.smoothing ** (self.exponent - 2.0)
+        return curve
 
     def sliding_time(self, e1: ArrayLike) -> Array:
         """Time on s = 0 until abs(e1) is at the smoothing radius ε, exact [s].
@@ -355,7 +338,7 @@ class FastTerminalSurface(FormulaSurface):
 
 
 @brief_repr()
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False)
 class NonsingularTerminalSurface(FormulaSurface):
     """The nonsingular terminal surface of Feng, Yu and Man (2002), s = e1 + sig(e2)^p/β.
 
@@ -373,16 +356,9 @@ class NonsingularTerminalSurface(FormulaSurface):
         Y. Feng, X. Yu, Z. Man, Non-singular terminal sliding mode control of rigid manipulators, Automatica 38, 2002.
     """
 
-    beta: Array
-    exponent: Array
+    beta: Gain = Converted(positive)
+    exponent: Gain = Converted(_between(1.0, 2.0))
     formula = staticmethod(nonsingular_terminal_formula)
-
-    def __init__(self, beta: ArrayLike, exponent: ArrayLike) -> None:
-        set_fields(
-            self,
-            beta=positive("beta", beta),
-            exponent=_strictly_between("exponent", exponent, 1.0, 2.0),
-        )
 
     def sliding_time(self, e1: ArrayLike) -> Array:
         """Time on s = 0 until e1 = 0, exact [s].
@@ -418,9 +394,3 @@ class NonsingularTerminalSurface(FormulaSurface):
         return time
 
     hold_gain = renamed_attribute("hold_gain", "zoh_gain")
-
-
-def _strictly_between(name: str, value: ArrayLike, low: float, high: float) -> Array:
-    return gain(
-        name, value, f"strictly between {low:g} and {high:g}", lambda x: (x > low) & (x < high)
-    )

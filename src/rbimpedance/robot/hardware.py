@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from functools import partial
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, gain, per_joint, positive_number, size, whole_number
+from .._common.arrays import (
+    Array,
+    not_negative,
+    per_joint,
+    positive,
+    positive_number,
+    positive_or_infinite,
+    size,
+    whole_number,
+)
 from .._common.brief import brief_repr
-from .._common.frozen import set_fields
+from .._common.frozen import Converted, Gain, OptionalGain, unless_none
 from ..exceptions import ParameterError
 from .arm_model import ArmModel
 
@@ -18,8 +27,14 @@ EncoderSide: TypeAlias = Literal["motor", "link"]
 """What the encoders are on."""
 
 
+def _side(name: str, value: EncoderSide) -> EncoderSide:
+    if value not in get_args(EncoderSide):
+        raise ParameterError(name, value, '"motor" or "link"')
+    return value
+
+
 @brief_repr(omit_defaults=True)
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Hardware:
     """One description of an arm's drives and sensors. Everything is perfect by default.
 
@@ -46,54 +61,22 @@ class Hardware:
         ParameterError: A number that cannot be, or a sensor that is needed and missing.
     """
 
-    encoder_bits: Array | None
-    encoder_side: EncoderSide
-    gear_ratio: Array
-    torque_lag: Array
-    delay: int
-    ripple: Array
-    stribeck: float
-    joint_stiffness: Array
-    rotor_inertia: Array | None
-    torque_sensor: Array | None
-    torque_bandwidth: float
-    torque_rate: Array
-
-    def __init__(
-        self,
-        *,
-        encoder_bits: ArrayLike | None = None,
-        encoder_side: EncoderSide = "motor",
-        gear_ratio: ArrayLike = 1.0,
-        torque_lag: ArrayLike = 0.0,
-        delay: int = 0,
-        ripple: ArrayLike = 0.0,
-        stribeck: float = 0.0,
-        joint_stiffness: ArrayLike = np.inf,
-        rotor_inertia: ArrayLike | None = None,
-        torque_sensor: ArrayLike | None = None,
-        torque_bandwidth: float = 600.0,
-        torque_rate: ArrayLike = np.inf,
-    ) -> None:
-        if encoder_side not in ("motor", "link"):
-            raise ParameterError("encoder_side", encoder_side, '"motor" or "link"')
-        set_fields(
-            self,
-            encoder_bits=_optional("encoder_bits", encoder_bits, "positive", _is_positive),
-            encoder_side=encoder_side,
-            gear_ratio=gain("gear_ratio", gear_ratio, "positive", _is_positive),
-            torque_lag=gain("torque_lag", torque_lag, "zero or positive", _is_not_negative),
-            delay=whole_number("delay", delay, meaning="ticks"),
-            ripple=gain("ripple", ripple, "zero or positive", _is_not_negative),
-            stribeck=size("stribeck", stribeck),
-            joint_stiffness=_or_infinite("joint_stiffness", joint_stiffness),
-            rotor_inertia=_optional("rotor_inertia", rotor_inertia, "positive", _is_positive),
-            torque_sensor=_optional(
-                "torque_sensor", torque_sensor, "zero or positive", _is_not_negative
-            ),
-            torque_bandwidth=positive_number("torque_bandwidth", torque_bandwidth, "rate in rad/s"),
-            torque_rate=_or_infinite("torque_rate", torque_rate),
-        )
+    encoder_bits: OptionalGain = Converted(unless_none(positive), None)
+    encoder_side: Converted[EncoderSide, EncoderSide] = Converted(_side, "motor")
+    gear_ratio: Gain = Converted(positive, 1.0)
+    torque_lag: Gain = Converted(not_negative, 0.0)
+    delay: Converted[int, int] = Converted(partial(whole_number, meaning="ticks"), 0)
+    ripple: Gain = Converted(not_negative, 0.0)
+    stribeck: Converted[float, float] = Converted(size, 0.0)
+    joint_stiffness: Gain = Converted(
+        partial(positive_or_infinite, infinite=" where the joint is rigid"), np.inf
+    )
+    rotor_inertia: OptionalGain = Converted(unless_none(positive), None)
+    torque_sensor: OptionalGain = Converted(unless_none(not_negative), None)
+    torque_bandwidth: Converted[float, float] = Converted(
+        partial(positive_number, meaning="rate in rad/s"), 600.0
+    )
+    torque_rate: Gain = Converted(positive_or_infinite, np.inf)
 
     @classmethod
     def of(cls, name: str, **more: Any) -> Hardware:
@@ -194,25 +177,3 @@ _PUBLISHED: dict[str, dict[str, Any]] = {
     "panda": {"delay": 1, "torque_rate": 1000.0},
     "fr3": {"delay": 1, "torque_rate": 1000.0},
 }
-
-
-def _optional(
-    name: str, value: ArrayLike | None, admissible: str, is_admissible: Any
-) -> Array | None:
-    return None if value is None else gain(name, value, admissible, is_admissible)
-
-
-def _or_infinite(name: str, value: ArrayLike) -> Array:
-    """Positive numbers, of which some may be infinite."""
-    array = np.array(value, dtype=np.float64)
-    gain(name, np.where(np.isposinf(array), 1.0, array), "positive (+inf for none)", _is_positive)
-    array.setflags(write=False)
-    return array
-
-
-def _is_positive(x: Array) -> Any:
-    return x > 0.0
-
-
-def _is_not_negative(x: Array) -> Any:
-    return x >= 0.0

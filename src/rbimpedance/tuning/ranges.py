@@ -49,12 +49,12 @@ def scalar_range(
     return array
 
 
-def constant_range(value: ArrayLike) -> Array:
+def constant_range(name: str, value: ArrayLike) -> Array:
     """(1 - x, 1 + x) from one number, else the pair."""
     if np.ndim(value) == 0:
-        error = size("torque_constant", value)
+        error = size(name, value)
         value = (1.0 - error, 1.0 + error)
-    return range_of("torque_constant", value, 1.0, is_positive)
+    return range_of(name, value, 1.0, is_positive)
 
 
 def box(name: str, value: ArrayLike) -> Array:

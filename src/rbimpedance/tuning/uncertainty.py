@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, per_joint, size, whole_number
 from .._common.brief import brief_repr
-from .._common.frozen import set_fields
+from .._common.frozen import Converted, Gain, OptionalGain, unless_none
 from ..robot.arm_model import ArmModel
 from .plant_sample import PlantSample, tilted, with_body
 from .ranges import (
@@ -27,8 +28,12 @@ CORNERS = 16
 """At most this many extremes are among the first samples."""
 
 
+_from_0 = partial(range_of, nominal=0.0, is_admissible=is_not_negative)
+_number_from_0 = partial(scalar_range, nominal=0.0, is_admissible=is_not_negative)
+
+
 @brief_repr(omit_defaults=True)
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False)
 class Uncertainty:
     """Ranges of what the controller's model may be wrong about; everything is as the arm's model says by default.
 
@@ -57,57 +62,22 @@ class Uncertainty:
         DimensionError: Neither a number nor a pair.
     """
 
-    payload: Array
-    payload_com: Array
-    payload_gyration: Array
-    payload_frame: str | None
-    inertia_scale: Array
-    viscous: Array
-    coulomb: Array
-    armature: Array | None
-    torque_constant: Array
-    gravity_tilt: float
-    position_noise: float
-    velocity_noise: float
-    delay: int
-
-    def __init__(  # noqa: PLR0913 (one for each range)
-        self,
-        payload: ArrayLike = 0.0,
-        inertia_scale: ArrayLike = 1.0,
-        viscous: ArrayLike = 0.0,
-        coulomb: ArrayLike = 0.0,
-        *,
-        payload_com: ArrayLike = (0.0, 0.0, 0.0),
-        payload_gyration: ArrayLike = 0.0,
-        payload_frame: str | None = None,
-        armature: ArrayLike | None = None,
-        torque_constant: ArrayLike = 0.0,
-        gravity_tilt: float = 0.0,
-        position_noise: float = 0.0,
-        velocity_noise: float = 0.0,
-        delay: int = 0,
-    ) -> None:
-        set_fields(
-            self,
-            payload=scalar_range("payload", payload, 0.0, is_not_negative),
-            payload_com=box("payload_com", payload_com),
-            payload_gyration=scalar_range(
-                "payload_gyration", payload_gyration, 0.0, is_not_negative
-            ),
-            payload_frame=payload_frame,
-            inertia_scale=scalar_range("inertia_scale", inertia_scale, 1.0, is_positive),
-            viscous=range_of("viscous", viscous, 0.0, is_not_negative),
-            coulomb=range_of("coulomb", coulomb, 0.0, is_not_negative),
-            armature=None
-            if armature is None
-            else range_of("armature", armature, 0.0, is_not_negative),
-            torque_constant=constant_range(torque_constant),
-            gravity_tilt=size("gravity_tilt", gravity_tilt),
-            position_noise=size("position_noise", position_noise),
-            velocity_noise=size("velocity_noise", velocity_noise),
-            delay=whole_number("delay", delay),
-        )
+    payload: Gain = Converted(_number_from_0, 0.0)
+    inertia_scale: Gain = Converted(
+        partial(scalar_range, nominal=1.0, is_admissible=is_positive), 1.0
+    )
+    viscous: Gain = Converted(_from_0, 0.0)
+    coulomb: Gain = Converted(_from_0, 0.0)
+    _: KW_ONLY
+    payload_com: Gain = Converted(box, (0.0, 0.0, 0.0))
+    payload_gyration: Gain = Converted(_number_from_0, 0.0)
+    payload_frame: str | None = None
+    armature: OptionalGain = Converted(unless_none(_from_0), None)
+    torque_constant: Gain = Converted(constant_range, 0.0)
+    gravity_tilt: Converted[float, float] = Converted(size, 0.0)
+    position_noise: Converted[float, float] = Converted(size, 0.0)
+    velocity_noise: Converted[float, float] = Converted(size, 0.0)
+    delay: Converted[int, int] = Converted(whole_number, 0)
 
     def sample(self, arm: ArmModel, count: int, *, seed: int = 0) -> tuple[PlantSample, ...]:
         """Draw plants: first the extremes (payload and inertia vary fastest), then uniformly within the ranges.

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..._common.arrays import Array, BoolArray, gain, per_joint, real
-from ...exceptions import DimensionError, ParameterError
+from ..._common.arrays import Array, BoolArray, gain, per_joint, positive_or_infinite
+from ...exceptions import ParameterError
 from ...robot.arm_model import ArmModel
 
 DAMPING_RATIO = 0.05
@@ -27,14 +27,7 @@ def stiffness_of_joints(value: ArrayLike, nv: int) -> Array:
         ParameterError: Anything else.
         DimensionError: It is given for another number of joints.
     """
-    words = "positive (+inf where the joint is rigid), a scalar or one number per joint"
-    try:
-        array = np.array(real("stiffness", value, words))
-    except DimensionError as error:
-        raise ParameterError("stiffness", value, words) from error
-    if array.ndim > 1 or not (array > 0.0).all():
-        raise ParameterError("stiffness", value, words)
-    array.setflags(write=False)
+    array = positive_or_infinite("stiffness", value, " where the joint is rigid")
     return per_joint("stiffness", array, nv)
 
 
