@@ -1,4 +1,4 @@
-"""Frozen dataclasses: fields that normalise what they are given, and parts that are not pickled but made anew."""
+"""Frozen dataclasses: fields that normalise what they are given, and parts that are not pickled but made again."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def set_fields(instance: object, **values: object) -> None:
 
 
 class MadeAnew(ABC):
-    """An object with parts that follow from its other fields: they are not pickled, but made anew.
+    """An object with parts that follow from its other fields: they are not pickled, but made again.
 
     `_made` names them, `_make` makes them.
     """
