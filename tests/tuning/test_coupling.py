@@ -153,13 +153,16 @@ def proposal_of(folder: Path, seed: int) -> rbi.GainProposal:
     return proposal
 
 
-def test_arm_whose_joint_answers_the_wrong_way_round_is_refused(tmp_path: Path) -> None:
-    """The eigenvalues of G are between 1/3 and 3, and say nothing of it."""
-    refused = proposal_of(tmp_path, 34)
-    assert refused.mismatch.rho < 3.0
-    assert refused.coupling.least < 0.0
-    assert not refused.feasible
-    assert "wrong way round" in refused.reason
+def test_joint_that_answers_the_wrong_way_round_is_no_proven_arm(tmp_path: Path) -> None:
+    """The eigenvalues of G are between 1/3 and 3, and say nothing of it: the first joint's own gain is about -12."""
+    proposal = proposal_of(tmp_path, 34)
+    assert proposal.mismatch.rho < 3.0
+    assert proposal.coupling.least < -1.0
+    assert proposal.coupling.joint == 0
+    assert not proposal.coupling.is_proven
+    assert not proposal.feasible
+    assert "from its reference at" in proposal.reason
+    assert "'first'" in proposal.explain()
 
 
 def test_gains_that_throw_an_arm_on_its_way_are_made_firmer(tmp_path: Path) -> None:
@@ -183,15 +186,15 @@ def test_gains_that_throw_an_arm_on_its_way_are_made_firmer(tmp_path: Path) -> N
 
 @pytest.mark.slow
 def test_accepted_arms_with_strongly_coupled_joints_are_not_thrown(tmp_path: Path) -> None:
-    """200 of them; accepted ones run with plants that the proposal has not seen."""
+    """Accepted ones run with plants that the proposal has not seen; docs/robustness.md has 200."""
     accepted = 0
-    for seed in range(200):
+    for seed in range(100, 130):
         proposal = proposal_of(tmp_path, seed)
         if not proposal.feasible:
             continue
         accepted += 1
         law, q0 = proposal.controller(), proposal.trajectory(0.0).q + 0.1
-        for sample in proposal.uncertainty.sample(proposal.nominal, 4, seed=seed + 1)[1:]:
+        for sample in proposal.uncertainty.corners(proposal.nominal, 4, seed=seed + 1):
             run = rbi.simulate(law, sample.plant, proposal.trajectory, q0=q0, duration=2.0)
             assert np.abs(run.e1).max() < 0.4
     assert accepted > 10

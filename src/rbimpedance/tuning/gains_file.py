@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import os
 from collections.abc import Mapping
@@ -129,8 +130,7 @@ def proposal_data(proposal: GainProposal) -> dict[str, Any]:
         "k1": proposal.k1,
         "k2": proposal.k2,
         "margin": proposal.margin,
-        "surface": {"type": type(proposal.surface).__name__}
-        | {name: x for name, x in vars(proposal.surface).items() if not name.startswith("_")},
+        "surface": {"type": type(proposal.surface).__name__} | _parameters(proposal.surface),
         "model": {
             "payload": proposal.payload,
             "payload_com": uncertainty.payload_com.mean(axis=0),
@@ -148,6 +148,12 @@ def proposal_data(proposal: GainProposal) -> dict[str, Any]:
     }
     plain: dict[str, Any] = _plain(data)
     return plain
+
+
+def _parameters(surface: Surface) -> dict[str, Any]:
+    """What makes a surface of a kind that a file can name."""
+    made_from = inspect.signature(type(surface)).parameters
+    return {name: getattr(surface, name) for name in made_from}
 
 
 def save_gains(proposal: GainProposal, path: str | os.PathLike[str]) -> Path:

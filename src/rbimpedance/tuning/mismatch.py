@@ -37,8 +37,8 @@ class Mismatch:
         joint_low: Joint that takes the largest part in the motion of the smallest eigenvalue.
         joint_high: The same for the largest one.
         rho: The larger one of gain_high and 1/gain_low.
-        extremes: Indices of the samples with the largest and smallest gain, the largest torque mismatch in
-            proportion to inertia, and the largest rate.
+        extremes: Indices of the samples with the largest and smallest gain, the smallest gain of a joint on itself, the
+            largest torque mismatch in proportion to inertia, and the largest rate.
     """
 
     torque: Array
@@ -66,6 +66,7 @@ class _Seen(NamedTuple):
     inertia: Array
     low: tuple[float, int]
     high: tuple[float, int]
+    own: float
 
 
 def measure(
@@ -84,7 +85,10 @@ def measure(
     lows, highs = [one.low[0] for one in seen], [one.high[0] for one in seen]
     accelerations = [float((one.torque / inertia).max()) for one in seen]
     rates = [float(one.rate.max()) for one in seen]
-    extremes = (np.argmax(highs), np.argmin(lows), np.argmax(accelerations), np.argmax(rates))
+    extremes = (
+        *(np.argmax(highs), np.argmin(lows), np.argmin([one.own for one in seen])),
+        *(np.argmax(accelerations), np.argmax(rates)),
+    )
     return Mismatch(
         torque=np.max([one.torque for one in seen], axis=0),
         disturbance=np.max([one.disturbance for one in seen], axis=0),
@@ -143,7 +147,8 @@ def _look(model: ArmModel, sample: PlantSample, motions: Sequence[Motion], dt: f
     M_true, gains = _input_gains(model, sample, motions, dt)
     softest_held = np.linalg.inv(M_true[: len(motions)]).diagonal(axis1=1, axis2=2)
     inertia = (1.0 / softest_held).min(axis=0)
-    return _Seen(torque, disturbance, rate, inertia, *_extreme_gains(M_true, gains))
+    own = float(gains.diagonal(axis1=1, axis2=2).min())
+    return _Seen(torque, disturbance, rate, inertia, *_extreme_gains(M_true, gains), own)
 
 
 def input_gains(

@@ -117,6 +117,30 @@ class Uncertainty:
         uncertain = sum((low != high).any() for low, high in self._ranges(arm).values())
         return self.sample(arm, min(2**uncertain, CORNERS))
 
+    def corners(self, arm: ArmModel, count: int, *, seed: int = 0) -> tuple[PlantSample, ...]:
+        """Draw plants with every range at one of its ends, joint by joint and axis by axis, apart from each other.
+
+        Args:
+            arm: The arm as it is modelled.
+            count: How many, at least 1; corners may repeat where there are fewer.
+            seed: Of the draw and of the noise.
+
+        Raises:
+            ParameterError: `count` or `seed` is not a whole number, or `count` is 0.
+            DimensionError: A range is given for another number of joints.
+            ModelError: The arm has no frame `payload_frame`.
+        """
+        whole_number("count", count, 1)
+        rng, ranges = np.random.default_rng(whole_number("seed", seed)), self._ranges(arm)
+        drawn = [
+            {
+                name: np.where(rng.integers(2, size=low.shape) == 1, high, low)
+                for name, (low, high) in ranges.items()
+            }
+            for _ in range(count)
+        ]
+        return tuple(self._plant(arm, each, seed=1000 * seed + i) for i, each in enumerate(drawn))
+
     def outside(self, sample: PlantSample) -> tuple[str, ...]:
         """Return in words what of an arm lies outside these ranges, so that gains that were made for them need not do.
 
