@@ -315,6 +315,31 @@ def test_links_by_mujoco_swing_as_links_by_pinocchio() -> None:
     np.testing.assert_allclose(ends[0].v, ends[1].v, atol=1e-7)
 
 
+def test_hardware_in_front_of_mujoco_is_that_in_front_of_pinocchio() -> None:
+    pytest.importorskip("mujoco")
+    arm = rbi.load_robot("ur5", armature=0.1)
+    hardware = rbi.Hardware(encoder_bits=24, torque_lag=2e-3, delay=1, ripple=0.03)
+    law = rbi.HardwareController(arm, hardware, bandwidths=(20.0, 60.0))
+    motion = rbi.trajectories.cosine(arm, amplitude=0.1, period=2.0)
+    ends = [
+        rbi.simulate(law, plant, motion, hardware=hardware, duration=0.3).q[-1]
+        for plant in (arm, rbi.MujocoPlant(arm, limits=False))
+    ]
+    assert np.abs(ends[0] - ends[1]).max() < 1e-6
+    assert np.abs(ends[0] - arm.neutral).max() > 1e-3  # and it moved
+
+
+def test_drives_of_a_description_refuse_an_engine_that_they_do_not_fit() -> None:
+    engine = RigidPlant(manipulator().with_armature(0.1))
+    for hardware in (rbi.Hardware(joint_stiffness=1e4), rbi.Hardware(rotor_inertia=0.2)):
+        with pytest.raises(rbi.ParameterError):
+            DrivenPlant.for_(hardware, engine)
+    law = rbi.HardwareController(engine.arm, rbi.Hardware(), bandwidths=(20.0, 60.0))
+    driven, hold = DrivenPlant(engine), rbi.trajectories.hold(engine.arm)
+    with pytest.raises(rbi.ParameterError, match="without drives"):
+        rbi.simulate(law, driven, hold, hardware=rbi.Hardware(), duration=0.01)
+
+
 # --- what is refused ----------------------------------------------------------------------------------------------
 
 

@@ -31,6 +31,9 @@ def tables(rows: Rows) -> dict[str, str]:
         "hardware-ranges": _by_arm(rows, "ranges", "hardware"),
         "hardware-standing": _standing(rows),
         "hardware-springs": _by_arm(rows, "springs", "rotors [kg·m²]"),
+        "hardware-engines": _engines(rows),
+        "hardware-impedance": _impedance(rows),
+        "hardware-wall": _wall(rows),
     }
 
 
@@ -68,6 +71,34 @@ def _by_arm(rows: Rows, part: str, title: str) -> str:
         for label in labels
     ]
     return markdown((title, *measured), lines)
+
+
+def _engines(rows: Rows) -> str:
+    measured = _with(rows, "engines")
+    engines = list(next(iter(measured.values()))["engines"])
+    lines = [
+        (name, *(_cell(row["engines"][engine], row["need"]) for engine in engines))
+        for name, row in measured.items()
+    ]
+    return markdown(("arm", *engines), lines)
+
+
+def _impedance(rows: Rows) -> str:
+    (measured,) = _with(rows, "impedance").values()
+    lines = [
+        (label, *(f"{100.0 * error:.1f} %" for error in found.values()))
+        for label, found in measured["impedance"].items()
+    ]
+    return markdown(("plant", "M_d", "D_d", "K_d"), lines)
+
+
+def _wall(rows: Rows) -> str:
+    (measured,) = _with(rows, "wall").values()
+    lines = [
+        (label, f"{found['peak']:.1f}", f"{found['steady']:.1f}", found["contacts"])
+        for label, found in measured["wall"].items()
+    ]
+    return markdown(("plant", "peak force [N]", "steady force [N]", "contacts"), lines)
 
 
 def _standing(rows: Rows) -> str:

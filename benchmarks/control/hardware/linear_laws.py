@@ -107,14 +107,20 @@ Settings: TypeAlias = tuple[float, ...]
 """Rates in rad/s: of the loop first, then of what is filtered or observed."""
 
 
+PD, INTEGRAL, DISTURBANCE, OBSERVED = range(4)
+"""Kinds of laws in compiled code."""
+
+
 class Law(NamedTuple):
     """A linear law and where the search for its settings begins.
 
     Attributes:
+        kind: Its number in compiled code.
         build: Makes it from a model, the hardware and settings.
         coarse: Six settings that cover what encoders of 17 to 24 bits call for.
     """
 
+    kind: int
     build: Callable[[rbi.ArmModel, rbi.Hardware, Settings], Any]
     coarse: tuple[Settings, ...]
 
@@ -137,26 +143,30 @@ def _integral_observed(arm: rbi.ArmModel, hardware: rbi.Hardware, at: Settings) 
 
 LAWS = {
     "PD + gravity, differences": Law(
-        _pd, tuple((w, f * w) for w, f in product((12.0, 30.0, 75.0), (2.5, 8.0)))
+        PD, _pd, tuple((w, f * w) for w, f in product((12.0, 30.0, 75.0), (2.5, 8.0)))
     ),
     "computed torque + integral, differences": Law(
-        _integral, tuple((w, f * w) for w, f in product((10.0, 22.0, 50.0), (4.0, 12.0)))
+        INTEGRAL, _integral, tuple((w, f * w) for w, f in product((10.0, 22.0, 50.0), (4.0, 12.0)))
     ),
     "computed torque + momentum observer, differences": Law(
-        _disturbance, tuple((w, f * w, w) for w, f in product((10.0, 22.0, 50.0), (4.0, 12.0)))
+        DISTURBANCE,
+        _disturbance,
+        tuple((w, f * w, w) for w, f in product((10.0, 22.0, 50.0), (4.0, 12.0))),
     ),
     "computed torque + integral, our observer": Law(
-        _integral_observed, tuple((w, f * w) for w, f in product((15.0, 35.0, 80.0), (1.0, 2.5)))
+        OBSERVED,
+        _integral_observed,
+        tuple((w, f * w) for w, f in product((15.0, 35.0, 80.0), (1.0, 2.5))),
     ),
 }
 
-FINE = 1.5
-"""Factor between neighbours in the second half of a search."""
+FINER = (1.5, 1.5, 1.25, 1.25, 1.1)
+"""Factors between neighbours in the rounds of a search, which has 36 runs with the coarse ones."""
 
 
-def around(best: Settings) -> list[Settings]:
-    """Return six settings around one: every rate up and down; of two rates both together, too."""
+def around(best: Settings, factor: float) -> list[Settings]:
+    """Return six settings around one: every rate up and down by a factor; of two rates both together, too."""
     steps = [s * row for row in np.eye(len(best)) for s in (1.0, -1.0)]
     if len(best) == 2:
         steps += [np.ones(2), -np.ones(2)]
-    return [tuple((np.array(best) * FINE**step).tolist()) for step in steps]
+    return [tuple((np.array(best) * factor**step).tolist()) for step in steps]

@@ -110,8 +110,8 @@ def simulate(  # noqa: PLR0913 (what acts on a run, each given by name)
         joint_stops: Whether the joints have stops at the plant's position limits: stiff springs with dampers, see
             `JointStops`, or stops of one's own. Without them a joint swings through its limit; `result.verdict()` says
             so.
-        hardware: What is between a tick and the links of an arm: it is put behind the drives of the description,
-            and the controller behind its encoders. None for nothing.
+        hardware: What is between a tick and the links: the plant is put behind the drives of the description, and the
+            controller behind its encoders. None for nothing.
         on_tick: Called with (ticks done, ticks in all), for a progress bar: at every tick, or every few thousand
             physics steps of a compiled run.
         checkpoint: File in which the run stores its progress, and from which an interrupted run continues.
@@ -157,10 +157,10 @@ def on_hardware(
     """Return the controller behind its encoders, and the arm behind its drives.
 
     Raises:
-        ParameterError: A plant that is no `ArmModel`.
+        ParameterError: A plant that has drives already, or that the hardware does not fit.
     """
-    if not isinstance(plant, ArmModel):
-        raise ParameterError("plant", plant, "an ArmModel where hardware is given")
+    if isinstance(plant, DrivenPlant):
+        raise ParameterError("plant", plant, "without drives where hardware is given")
     driven = DrivenPlant.for_(hardware, plant, controller.dt)
     if hardware.encoder_bits is None:
         return controller, driven

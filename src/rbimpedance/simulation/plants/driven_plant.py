@@ -169,18 +169,21 @@ class DrivenPlant:
         set_fields(self, damping=not_negative("damping", damping, arm.nv))
 
     @classmethod
-    def for_(cls, hardware: Hardware, arm: ArmModel, dt: float = 1e-3) -> DrivenPlant:
+    def for_(cls, hardware: Hardware, arm: ArmModel | Plant[Any], dt: float = 1e-3) -> DrivenPlant:
         """Return the arm behind the drives of a description.
 
         Args:
             hardware: The description.
-            arm: The links, with friction, which sticks, and the rotors as armature where the description has none.
+            arm: The links, with friction, which sticks, and the rotors as armature where the description has none. Or
+                another engine with rigid joints, such as a `MujocoPlant`, whose rotors and friction are its own.
             dt: Control period, in which the delay is given [s].
 
         Raises:
-            ParameterError: An elastic joint without a rotor.
+            ParameterError: An elastic joint without a rotor; springs or other rotors for another engine.
             DimensionError: A number for another number of joints.
         """
+        if not isinstance(arm, ArmModel):
+            return cls(_rigid(arm, hardware), **_torques(hardware, dt))
         rotors, rubs = hardware.rotors(arm), bool(arm.coulomb.any() or arm.viscous.any())
         elastic = hardware.is_elastic
         free = arm.with_friction(0.0, 0.0) if elastic else arm
@@ -189,9 +192,7 @@ class DrivenPlant:
         senses = elastic and hardware.torque_sensor is not None
         return cls(
             StickingPlant(links, hardware.stribeck) if rubs and not elastic else links,
-            time_constant=hardware.torque_lag,
-            dead_time=hardware.delay * dt,
-            ripple=hardware.ripple,
+            **_torques(hardware, dt),
             stiffness=hardware.joint_stiffness,
             rotor_inertia=rotors,
             encoders=hardware.encoder_side,
@@ -341,3 +342,26 @@ class DrivenPlant:
             )
         refuse_at(arm, elastic & (arm.armature > 0.0), "armature of the links", arm.armature, "0")
         return links
+
+
+def _torques(hardware: Hardware, dt: float) -> dict[str, Any]:
+    """What a description says of the motors' torque."""
+    return {
+        "time_constant": hardware.torque_lag,
+        "dead_time": hardware.delay * dt,
+        "ripple": hardware.ripple,
+    }
+
+
+def _rigid(plant: Plant[Any], hardware: Hardware) -> Plant[Any]:
+    """Another engine, if it is one that a description fits.
+
+    Raises:
+        ParameterError: It has springs or other rotors.
+    """
+    if hardware.is_elastic:
+        raise ParameterError("plant", plant, "an ArmModel where the hardware has springs")
+    if not np.array_equal(hardware.rotors(plant.arm), plant.arm.armature):
+        words = "the armature of the plant, or None"
+        raise ParameterError("rotor_inertia", hardware.rotor_inertia, words)
+    return plant
