@@ -10,12 +10,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, vector
-from ..law.cartesian_impedance import CartesianFilter, CartesianImpedance
+from ..law import tool_formulas
+from ..law.cartesian_impedance import (
+    CartesianFilter,
+    CartesianImpedance,
+    motion_of,
+    six_array,
+    six_of,
+)
 from ..law.damped_inverse import DampedInverse, Damping
 from ..law.poses import CartesianReference, check_cartesian_reference
-from ..law.rotations import RotationVector
+from ..law.rotations import Coefficients, RotationVector, at
+from ..law.vectors import Vector, matrix_of, vector_of
 from ..robot.arm_model import ArmModel
-from ..robot.tool_kinematics import ToolMotion, rotation_error
+from ..robot.tool_kinematics import ToolMotion
 from .cartesian_telemetry import CartesianOutput
 from .protocol import StateT, TickBase, checked_period
 
@@ -43,42 +51,38 @@ class ToolMeasured(NamedTuple):
 
 
 class ToolErrors(NamedTuple):
-    """Errors of the pose, and what a rotation error does to rates.
+    """Errors of the pose, and what a rotation error does to rates; the equations are those of `law.tool_formulas`.
 
     Attributes:
         e1: (p_r - p, log(R_r Rᵀ)), shape (6,).
         e2: Its rate, shape (6,).
         rotation: Its rotation vector.
+        coefficients: Those of this vector.
     """
 
     e1: Array
     e2: Array
-    rotation: RotationVector
+    rotation: Vector
+    coefficients: Coefficients
 
     @classmethod
     def of(cls, reference: CartesianReference, motion: ToolMotion) -> ToolErrors:
         """ė_φ = J_l⁻¹(e_φ) ω_r - J_r⁻¹(e_φ) ω: e2 is the rate of e1 at any angle."""
         (R_r, p_r), v_r, _ = reference
-        rotation = RotationVector(rotation_error(R_r, motion.rotation))
-        turning = rotation.left_inverse @ v_r[3:] - rotation.right_inverse @ motion.v[3:]
-        return cls(
-            np.concatenate([p_r - motion.translation, rotation.phi]),
-            np.concatenate([v_r[:3] - motion.v[:3], turning]),
-            rotation,
-        )
+        phi = tool_formulas.rotation_error(matrix_of(R_r), matrix_of(motion.rotation))
+        k = at(phi)
+        rate = tool_formulas.error_rate(phi, k, six_of(v_r), six_of(motion.v))
+        return cls(np.array([*(p_r - motion.translation), *phi]), six_array(rate), phi, k)
 
     def acceleration(self, reference: CartesianReference, omega: Array, y: Array) -> Array:
         """Return the tool's acceleration for which ë1 = -y, shape (6,)."""
-        _, v_r, a_r = reference
-        e, rate = self.rotation, self.e2[3:]
-        J_l_rate = e.left_inverse_rate(rate)  # that of J_r⁻¹ is its transpose
-        turning = e.left_inverse @ a_r[3:] + J_l_rate @ v_r[3:] - J_l_rate.T @ omega + y[3:]
-        return np.concatenate([a_r[:3] + y[:3], e.right @ turning])
+        given = vector_of(self.e2[3:]), motion_of(reference), vector_of(omega), six_of(y)
+        return six_array(tool_formulas.tool_acceleration(self.rotation, self.coefficients, *given))
 
     def of_error(self, acceleration: Array) -> Array:
         """Return what a tool acceleration is in the coordinates of e1, shape (6,)."""
-        turning = self.rotation.right_inverse @ acceleration[3:]
-        return np.concatenate([acceleration[:3], turning])
+        given = self.rotation, self.coefficients, six_of(acceleration)
+        return six_array(tool_formulas.of_error(*given))
 
 
 @dataclass(frozen=True, eq=False, init=False)

@@ -23,7 +23,15 @@ from .._common.frozen import set_fields
 from ..exceptions import DimensionError, ParameterError
 from .impedance import Impedance
 from .poses import CartesianReference, Pose, rotation_matrix
-from .rotations import RotationVector, cross
+from .rotations import at
+from .tool_formulas import (
+    FrameMotion,
+    Six,
+    pulled_back,
+    reference_in_constant_axes,
+    reference_in_turning_axes,
+)
+from .vectors import matrix_of, vector_of
 
 Axes: TypeAlias = Literal["world", "reference"] | ArrayLike
 """Compliance axes: the world's, those of the reference pose, or a constant rotation from them to world axes, (3, 3)."""
@@ -126,9 +134,8 @@ class CartesianFilter:
             desired: Desired motion.
             wrench: Force and moment of the environment at the frame's origin, world axes, shape (6,).
         """
-        to_compliance = self.axes(desired).T
-        moment = RotationVector(now.xi[3:]).left.T @ (to_compliance @ wrench[3:])
-        return np.concatenate([to_compliance @ wrench[:3], moment])
+        phi, R_c = vector_of(now.xi[3:]), matrix_of(self.axes(desired))
+        return six_array(pulled_back(R_c, phi, at(phi), six_of(wrench)))
 
     def reference(
         self, now: Displacement, desired: CartesianReference, pulled: Array
@@ -141,8 +148,10 @@ class CartesianFilter:
             pulled: ŵ of `pulled_back`.
         """
         acceleration = self._linear.acceleration(now.xi, now.rate, pulled)
-        compose = _in_turning_axes if self._turns else _in_constant_axes
-        return compose(self.axes(desired), now, acceleration, desired)
+        compose = reference_in_turning_axes if self._turns else reference_in_constant_axes
+        xi, rate = six_of(now.xi), six_of(now.rate)
+        R_c, k = matrix_of(self.axes(desired)), at(xi[1])
+        return reference_of(compose(R_c, k, xi, rate, six_of(acceleration), motion_of(desired)))
 
     def advance(
         self, now: Displacement, pulled: Array, period: float | None = None
@@ -168,49 +177,28 @@ class CartesianFilter:
         return self._linear.error(e1, e2, e3, zero, zero)
 
 
-def _in_constant_axes(
-    R_c: Array, now: Displacement, acceleration: Array, desired: CartesianReference
-) -> CartesianReference:
-    """R_r = R_c exp(ξ_φ) R_cᵀ R_d and p_r = p_d + R_c ξ_p, for constant R_c."""
-    (xi, rate), (pose, v, a) = now, desired
-    phi = RotationVector(xi[3:])
-    G = R_c @ phi.matrix @ R_c.T
-    omega, alpha = _turning(R_c, phi, rate[3:], acceleration[3:])
-    carried = G @ v[3:]
-    return CartesianReference(
-        Pose(G @ pose.rotation, pose.translation + R_c @ xi[:3]),
-        np.concatenate([v[:3] + R_c @ rate[:3], omega + carried]),
-        np.concatenate([a[:3] + R_c @ acceleration[:3], alpha + cross(omega, carried) + G @ a[3:]]),
-    )
+def six_of(array: Array) -> Six:
+    """Return an array of shape (6,) as a pair (linear, angular) of tuples."""
+    a, b, c, d, e, f = array.tolist()
+    return (a, b, c), (d, e, f)
 
 
-def _in_turning_axes(
-    R_d: Array, now: Displacement, acceleration: Array, desired: CartesianReference
-) -> CartesianReference:
-    """R_r = R_d exp(ξ_φ) and p_r = p_d + R_d ξ_p: R_c = R_d(t) turns with the reference."""
-    (xi, rate), (pose, v, a) = now, desired
-    phi, w_d, a_d = RotationVector(xi[3:]), v[3:], a[3:]
-    omega, alpha = _turning(R_d, phi, rate[3:], acceleration[3:])
-    x, dx, ddx = R_d @ xi[:3], R_d @ rate[:3], R_d @ acceleration[:3]
-    centrifugal = cross(w_d, cross(w_d, x))
-    return CartesianReference(
-        Pose(R_d @ phi.matrix, pose.translation + x),
-        np.concatenate([v[:3] + cross(w_d, x) + dx, w_d + omega]),
-        np.concatenate(
-            [
-                a[:3] + cross(a_d, x) + centrifugal + 2.0 * cross(w_d, dx) + ddx,
-                a_d + alpha + cross(w_d, omega),
-            ]
-        ),
-    )
+def six_array(six: Six) -> Array:
+    """Return a pair (linear, angular) of tuples as an array of shape (6,)."""
+    return np.array(six).ravel()
 
 
-def _turning(
-    R_c: Array, phi: RotationVector, rate: Array, acceleration: Array
-) -> tuple[Array, Array]:
-    """R_c J_l φ̇ and R_c (J_l φ̈ + J̇_l φ̇): velocity and acceleration of exp(φ) in world axes."""
-    J_l = phi.left
-    return R_c @ (J_l @ rate), R_c @ (J_l @ acceleration + phi.left_rate(rate) @ rate)
+def motion_of(reference: CartesianReference) -> FrameMotion:
+    """Return a desired motion as tuples of numbers."""
+    (R, p), v, a = reference
+    return FrameMotion(matrix_of(R), vector_of(p), six_of(v), six_of(a))
+
+
+def reference_of(motion: FrameMotion) -> CartesianReference:
+    """Return a motion of a frame as arrays."""
+    R, p, v, a = motion
+    pose = Pose(np.array(R).reshape(3, 3), np.array(p))
+    return CartesianReference(pose, six_array(v), six_array(a))
 
 
 def _six(name: str, value: ArrayLike) -> Array:

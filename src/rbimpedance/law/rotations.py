@@ -100,7 +100,11 @@ def expansion_rate(
     (p, q, r), (dp, dq, dr), along = phi, rate, dot(phi, rate)  # θ·θ̇
     dx, dy = slope_x * along, slope_y * along
     tx, ty, tz = x * dp + dx * p, x * dq + dx * q, x * dr + dx * r
-    xx, yy, zz = (dy * p + 2.0 * y * dp) * p, (dy * q + 2.0 * y * dq) * q, (dy * r + 2.0 * y * dr) * r
+    xx, yy, zz = (
+        (dy * p + 2.0 * y * dp) * p,
+        (dy * q + 2.0 * y * dq) * q,
+        (dy * r + 2.0 * y * dr) * r,
+    )
     xy = dy * p * q + y * (p * dq + dp * q)
     xz = dy * p * r + y * (p * dr + dp * r)
     yz = dy * q * r + y * (q * dr + dq * r)

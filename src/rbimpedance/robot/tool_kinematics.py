@@ -9,6 +9,8 @@ import pinocchio as pin
 
 from .._common.arrays import Array
 from ..exceptions import UnsupportedJointError
+from ..law import tool_formulas
+from ..law.vectors import matrix_of
 from .arm_model import ArmModel
 from .pinocchio_dynamics import WORLD_AXES
 
@@ -104,4 +106,4 @@ def rotation_error(target: Array, now: Array) -> Array:
         target: R_target, shape (3, 3).
         now: R, shape (3, 3).
     """
-    return np.array(pin.log3(target @ now.T))
+    return np.array(tool_formulas.rotation_error(matrix_of(target), matrix_of(now)))
