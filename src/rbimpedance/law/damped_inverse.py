@@ -13,8 +13,19 @@ import numpy as np
 
 from .._common.arrays import Array
 from .._common.frozen import set_fields
+from .formulas import elementwise
 
-_RATE_DAMPING = 1e-4  # of the inverse in the rate of the null space, relative to σ² = 1
+RATE_DAMPING = 1e-4
+"""Damping of the inverse in the rate of the null space, relative to σ² = 1."""
+
+
+def damped(square: float, threshold: float, strength: float) -> tuple[float, float]:
+    """Give 1/(σ² + μ²), and the share of a direction's motion that its damping takes, from σ²."""
+    mu = strength * max(1.0 - square / (threshold * threshold), 0.0)
+    total = square + mu * mu
+    if total == 0.0:
+        return 0.0, 1.0
+    return 1.0 / total, 1.0 - square / total
 
 
 @dataclass(frozen=True)
@@ -64,15 +75,13 @@ class DampedInverse:
         scales = damping.scales()
         U, S, Vt = np.linalg.svd(scales[:, None] * J)
         rank = len(S)
-        mu = damping.strength * np.maximum(1.0 - (S / damping.threshold) ** 2, 0.0)
+        given = S**2, damping.threshold, damping.strength
+        inverse, taken = elementwise(damped, 2, *given)
         shares, sizes = np.ones(6), np.zeros(6)  # directions in which nothing moves stay at 1
-        square = S**2 + mu**2
-        kept = np.divide(S**2, square, out=np.zeros_like(S), where=square > 0.0)
-        shares[:rank], sizes[:rank] = 1.0 - kept, S
-        gains = np.divide(S, square, out=np.zeros_like(S), where=square > 0.0)
+        shares[:rank], sizes[:rank] = taken, S
         set_fields(
             self,
-            matrix=(Vt[:rank].T * gains) @ (U[:, :rank].T * scales),
+            matrix=(Vt[:rank].T * (S * inverse)) @ (U[:, :rank].T * scales),
             basis=Vt[rank:].T,
             sigma=float(S[-1]),
             lost=np.asarray(U**2 @ shares),
@@ -134,6 +143,6 @@ def basis_rate(J: Array, J_rate: Array, basis: Array, damping: Damping) -> Array
     """
     scales = damping.scales()[:, None]
     A = scales * J
-    inverse = A.T @ np.linalg.inv(A @ A.T + _RATE_DAMPING * np.eye(6))
+    inverse = A.T @ np.linalg.inv(A @ A.T + RATE_DAMPING * np.eye(6))
     rate: Array = -inverse @ (scales * (J_rate @ basis))
     return rate

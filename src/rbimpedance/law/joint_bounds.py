@@ -18,6 +18,7 @@ import numpy as np
 
 from .._common.arrays import Array, BoolArray
 from .damped_inverse import DampedInverse, Damping
+from .formulas import elementwise
 
 SPEED_SHARE = 0.9
 """Share of a velocity limit that is commanded; the rest is for what the model does not know."""
@@ -25,7 +26,17 @@ SPEED_SHARE = 0.9
 APPROACH_RATE = 5.0
 """Largest speed towards a position limit over the distance from it [1/s]."""
 
-_STEP_SHARE = 0.25  # of a joint's distance from its largest speed, taken in a period
+STEP_SHARE = 0.25
+"""Part of a joint's distance from its largest speed that it may take in a period."""
+
+
+def acceleration_bounds(
+    x: float, v: float, lower: float, upper: float, speed: float, dt: float
+) -> tuple[float, float]:
+    """Least and largest acceleration of a joint at the position x and the velocity v."""
+    up = min(SPEED_SHARE * speed, APPROACH_RATE * (upper - x))
+    down = max(-SPEED_SHARE * speed, APPROACH_RATE * (lower - x))
+    return STEP_SHARE / dt * (down - v), STEP_SHARE / dt * (up - v)
 
 
 class BoundedAcceleration(NamedTuple):
@@ -63,10 +74,9 @@ class JointBounds:
             x: Joint positions, shape (nv,) [rad or m].
             v: Velocities, shape (nv,) [rad/s or m/s].
         """
-        fastest = SPEED_SHARE * self.speed
-        up = np.minimum(fastest, APPROACH_RATE * (self.upper - x))
-        down = np.maximum(-fastest, APPROACH_RATE * (self.lower - x))
-        return _STEP_SHARE / self.dt * (down - v), _STEP_SHARE / self.dt * (up - v)
+        given = x, v, self.lower, self.upper, self.speed, self.dt
+        low, high = elementwise(acceleration_bounds, 2, *given)
+        return low, high
 
     def keep(self, a: Array, x: Array, v: Array, J: Array, damping: Damping) -> BoundedAcceleration:
         """Return the accelerations within the bounds whose tool acceleration is nearest to that of a.

@@ -8,8 +8,15 @@ from __future__ import annotations
 
 from typing import NamedTuple, TypeAlias
 
-from . import rotations
-from .rotations import Coefficients
+from .rotations import (
+    Coefficients,
+    exponential,
+    left,
+    left_inverse,
+    left_inverse_rate,
+    left_rate,
+    logarithm,
+)
 from .vectors import (
     Matrix,
     Vector,
@@ -45,7 +52,7 @@ class FrameMotion(NamedTuple):
 def pulled_back(R_c: Matrix, phi: Vector, k: Coefficients, wrench: Six) -> Six:
     """Give ŵ = (R_cᵀ f, J_l(ξ_φ)ᵀ R_cᵀ m) (T1)."""
     f, m = wrench
-    return unrotate(R_c, f), unrotate(rotations.left(phi, k), unrotate(R_c, m))
+    return unrotate(R_c, f), unrotate(left(phi, k), unrotate(R_c, m))
 
 
 def reference_in_constant_axes(
@@ -53,7 +60,7 @@ def reference_in_constant_axes(
 ) -> FrameMotion:
     """Give R_r = R_c exp(ξ_φ) R_cᵀ R_d, p_r = p_d + R_c ξ_p and their rates, for constant R_c (T2)."""
     R_d, p_d, (v_d, w_d), (a_d, alpha_d) = desired
-    G = product(product(R_c, rotations.exponential(xi[1], k)), transposed(R_c))
+    G = product(product(R_c, exponential(xi[1], k)), transposed(R_c))
     omega, alpha = _turning(R_c, xi[1], k, rate[1], acceleration[1])
     carried = rotate(G, w_d)
     alpha = add(add(alpha, cross(omega, carried)), rotate(G, alpha_d))
@@ -75,7 +82,7 @@ def reference_in_turning_axes(
     inertial = add(cross(alpha_d, x), cross(w_d, cross(w_d, x)))
     inertial = add(inertial, scale(2.0, cross(w_d, dx)))
     return FrameMotion(
-        product(R_c, rotations.exponential(xi[1], k)),
+        product(R_c, exponential(xi[1], k)),
         add(p_d, x),
         (add(add(v_d, cross(w_d, x)), dx), add(w_d, omega)),
         (add(add(a_d, inertial), ddx), add(add(alpha_d, alpha), cross(w_d, omega))),
@@ -86,19 +93,19 @@ def _turning(
     R_c: Matrix, phi: Vector, k: Coefficients, rate: Vector, acceleration: Vector
 ) -> tuple[Vector, Vector]:
     """R_c J_l φ̇ and R_c (J_l φ̈ + J̇_l φ̇): velocity and acceleration of exp(φ) in world axes."""
-    J_l, J_l_rate = rotations.left(phi, k), rotations.left_rate(phi, k, rate)
+    J_l, J_l_rate = left(phi, k), left_rate(phi, k, rate)
     alpha = add(rotate(J_l, acceleration), rotate(J_l_rate, rate))
     return rotate(R_c, rotate(J_l, rate)), rotate(R_c, alpha)
 
 
 def rotation_error(R_r: Matrix, R: Matrix) -> Vector:
     """Give log(R_r Rᵀ), the rotation vector from one to the other in world axes (T3)."""
-    return rotations.logarithm(product(R_r, transposed(R)))
+    return logarithm(product(R_r, transposed(R)))
 
 
 def error_rate(phi: Vector, k: Coefficients, v_r: Six, v: Six) -> Six:
     """Give the rate of (p_r - p, φ) with φ the rotation error: φ̇ = J_l⁻¹(φ) ω_r - J_r⁻¹(φ) ω (T3)."""
-    inverse = rotations.left_inverse(phi, k)
+    inverse = left_inverse(phi, k)
     turning = subtract(rotate(inverse, v_r[1]), unrotate(inverse, v[1]))
     return subtract(v_r[0], v[0]), turning
 
@@ -117,12 +124,12 @@ def tool_acceleration(
         y: What is asked of the error.
     """
     (_, w_r), (a_r, alpha_r) = reference.v, reference.a
-    changing = rotations.left_inverse_rate(phi, k, rate)
-    turning = add(rotate(rotations.left_inverse(phi, k), alpha_r), rotate(changing, w_r))
+    changing = left_inverse_rate(phi, k, rate)
+    turning = add(rotate(left_inverse(phi, k), alpha_r), rotate(changing, w_r))
     turning = add(subtract(turning, unrotate(changing, omega)), y[1])
-    return add(a_r, y[0]), unrotate(rotations.left(phi, k), turning)
+    return add(a_r, y[0]), unrotate(left(phi, k), turning)
 
 
 def of_error(phi: Vector, k: Coefficients, acceleration: Six) -> Six:
     """Give what an acceleration of the tool is in the coordinates of the error: its angular part by J_r⁻¹(φ)."""
-    return acceleration[0], unrotate(rotations.left_inverse(phi, k), acceleration[1])
+    return acceleration[0], unrotate(left_inverse(phi, k), acceleration[1])

@@ -62,11 +62,13 @@ def transposed(A: Matrix) -> Matrix:
 
 
 def product(A: Matrix, B: Matrix) -> Matrix:
-    """Return A·B, column by column."""
-    x = rotate(A, (B[0], B[3], B[6]))
-    y = rotate(A, (B[1], B[4], B[7]))
-    z = rotate(A, (B[2], B[5], B[8]))
-    return x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]
+    """Return A·B."""
+    a, b, c, d, e, f, g, h, i = B
+    return (
+        A[0] * a + A[1] * d + A[2] * g, A[0] * b + A[1] * e + A[2] * h, A[0] * c + A[1] * f + A[2] * i,
+        A[3] * a + A[4] * d + A[5] * g, A[3] * b + A[4] * e + A[5] * h, A[3] * c + A[4] * f + A[5] * i,
+        A[6] * a + A[7] * d + A[8] * g, A[6] * b + A[7] * e + A[8] * h, A[6] * c + A[7] * f + A[8] * i,
+    )  # fmt: skip
 
 
 def vector_of(array: Array) -> Vector:

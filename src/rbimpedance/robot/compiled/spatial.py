@@ -12,10 +12,10 @@ from typing import TypeAlias
 
 from ..._common.arrays import Array
 from ..._numba.compile import fused, routine
+from ...law import vectors
+from ...law.vectors import Matrix, Vector
 
-Vector: TypeAlias = tuple[float, float, float]
 Symmetric: TypeAlias = tuple[float, float, float, float, float, float]
-Matrix: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
 SpatialMotion: TypeAlias = tuple[Vector, Vector]
 Force: TypeAlias = tuple[Vector, Vector]
 Inertia: TypeAlias = tuple[Symmetric, Matrix, Symmetric]
@@ -23,29 +23,14 @@ Inertia: TypeAlias = tuple[Symmetric, Matrix, Symmetric]
 
 # --- vectors and matrices -------------------------------------------------------------------------------------------
 
-
-@fused
-def add(a: Vector, b: Vector) -> Vector:
-    """Return a + b."""
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
-@fused
-def scale(k: float, a: Vector) -> Vector:
-    """K·a."""
-    return k * a[0], k * a[1], k * a[2]
-
-
-@fused
-def dot(a: Vector, b: Vector) -> float:
-    """A·b."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@fused
-def cross(a: Vector, b: Vector) -> Vector:
-    """A × b."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+add = fused(vectors.add)
+scale = fused(vectors.scale)
+dot = fused(vectors.dot)
+cross = fused(vectors.cross)
+rotate = fused(vectors.rotate)
+unrotate = fused(vectors.unrotate)
+product = fused(vectors.product)
+transposed = fused(vectors.transposed)
 
 
 @fused
@@ -58,26 +43,6 @@ def add_z(a: Vector, k: float) -> Vector:
 def add_cross_z(a: Vector, b: Vector, k: float) -> Vector:
     """A + b × k·z."""
     return a[0] + b[1] * k, a[1] - b[0] * k, a[2]
-
-
-@fused
-def rotate(R: Matrix, a: Vector) -> Vector:
-    """R·a."""
-    return (
-        R[0] * a[0] + R[1] * a[1] + R[2] * a[2],
-        R[3] * a[0] + R[4] * a[1] + R[5] * a[2],
-        R[6] * a[0] + R[7] * a[1] + R[8] * a[2],
-    )
-
-
-@fused
-def unrotate(R: Matrix, a: Vector) -> Vector:
-    """Rᵀ·a."""
-    return (
-        R[0] * a[0] + R[3] * a[1] + R[6] * a[2],
-        R[1] * a[0] + R[4] * a[1] + R[7] * a[2],
-        R[2] * a[0] + R[5] * a[1] + R[8] * a[2],
-    )
 
 
 @fused
@@ -110,15 +75,6 @@ def turn_about_z(R: Matrix, cos: float, sin: float) -> Matrix:
 def z_axis(R: Matrix) -> Vector:
     """R·z."""
     return R[2], R[5], R[8]
-
-
-@fused
-def product(A: Matrix, B: Matrix) -> Matrix:
-    """A·B, column by column."""
-    x = rotate(A, (B[0], B[3], B[6]))
-    y = rotate(A, (B[1], B[4], B[7]))
-    z = rotate(A, (B[2], B[5], B[8]))
-    return x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]
 
 
 @fused
@@ -245,12 +201,6 @@ def outer(a: Vector, b: Vector) -> Matrix:
 def full(S: Symmetric) -> Matrix:
     """A symmetric matrix with all its entries."""
     return S[0], S[1], S[2], S[1], S[3], S[4], S[2], S[4], S[5]
-
-
-@fused
-def transposed(A: Matrix) -> Matrix:
-    """Aᵀ."""
-    return A[0], A[3], A[6], A[1], A[4], A[7], A[2], A[5], A[8]
 
 
 @fused

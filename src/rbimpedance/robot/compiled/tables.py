@@ -118,6 +118,25 @@ def coordinate_tables(arm: ArmModel) -> ArmTables:
     return ArmTables(joints, topology, np.zeros(3))
 
 
+def frame_in_joint(arm: ArmModel, frame: str | None) -> tuple[int, Array]:
+    """Return the joint that carries a frame, -1 for the base, and the frame's pose in the joint's turned axes, (12,).
+
+    Args:
+        arm: The arm.
+        frame: Name of the frame; the arm's tool frame if it is None.
+
+    Raises:
+        ModelError: No such frame.
+    """
+    arm.frame_placement(arm.neutral, frame)  # refuses one that is not there
+    dynamics, bodies = arm.raw_dynamics, arm.rigid_bodies()
+    place = dynamics.model.frames[dynamics.frame_ids[frame or arm.tool_frame]]
+    joint = int(place.parentJoint) - 1
+    axes = axes_with_z_along(bodies.axis[joint]) if joint >= 0 else np.eye(3)
+    rotation, origin = axes.T @ place.placement.rotation, axes.T @ place.placement.translation
+    return joint, np.concatenate([rotation.ravel(), origin])
+
+
 def axes_with_z_along(axis: Array) -> Array:
     """Return right-handed axes, as columns, whose third is the given unit vector; exact for ±x, ±y and ±z.
 

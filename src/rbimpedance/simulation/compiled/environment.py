@@ -22,7 +22,7 @@ from ...robot.compiled.kinematics import (
     world_poses,
 )
 from ...robot.compiled.spatial import add, dot, get_pair, get_vector, scale
-from ...robot.compiled.tables import ArmTables, Workspace, axes_with_z_along
+from ...robot.compiled.tables import ArmTables, Workspace, frame_in_joint
 
 # Columns of `Environment.contacts`.
 JOINT, KIND = 0, 1
@@ -153,7 +153,7 @@ class EnvironmentTables:
         self._frames = np.zeros((len(contacts), POSE))
         self._walls = np.zeros((len(contacts), WALL_COLUMNS))
         for i, part in enumerate(contacts):
-            joint, self._frames[i] = _pose(plant, part.frame)
+            joint, self._frames[i] = frame_in_joint(plant, part.frame)
             self._contacts[i] = joint, _kind(part)
             if isinstance(part, Wall):
                 self._walls[i] = *part.point, *part.normal, part.stiffness, part.damping
@@ -207,17 +207,6 @@ def _kind(part: FrameWrench | Push | Wall) -> int:
     if isinstance(part, Wall):
         return WALL
     return LOCAL_WRENCH if part.expressed_in == "local" else WORLD_WRENCH
-
-
-def _pose(plant: ArmModel, frame: str | None) -> tuple[int, Array]:
-    """The joint that carries a frame, -1 for the base, and the frame's pose in the joint's turned axes."""
-    plant.frame_placement(plant.neutral, frame)  # refuses one that is not there
-    dynamics, bodies = plant.raw_dynamics, plant.rigid_bodies()
-    place = dynamics.model.frames[dynamics.frame_ids[frame or plant.tool_frame]]
-    joint = int(place.parentJoint) - 1
-    axes = axes_with_z_along(bodies.axis[joint]) if joint >= 0 else np.eye(3)
-    rotation, origin = axes.T @ place.placement.rotation, axes.T @ place.placement.translation
-    return joint, np.concatenate([rotation.ravel(), origin])
 
 
 def _torque(part: JointTorque, plant: ArmModel) -> Sampler:
