@@ -122,6 +122,20 @@ class CartesianFilter:
         self._turns = isinstance(impedance.axes, str) and impedance.axes == "reference"
         self._axes = np.eye(3) if isinstance(impedance.axes, str) else impedance.axes
 
+    @property
+    def constant_axes(self) -> Array:
+        """The compliance axes where they are constant, shape (3, 3)."""
+        return self._axes
+
+    @property
+    def turns(self) -> bool:
+        """Whether the compliance axes are those of the reference pose."""
+        return self._turns
+
+    def maps(self) -> Array:
+        """Return the maps from (ξ, ξ̇, ŵ) to ξ̈ and to the next ξ and ξ̇, stacked, shape (18, 18)."""
+        return self._linear.maps()
+
     def axes(self, desired: CartesianReference) -> Array:
         """Return the compliance axes R_c as columns in world axes, shape (3, 3)."""
         return desired.pose.rotation if self._turns else self._axes

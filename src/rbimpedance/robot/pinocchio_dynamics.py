@@ -111,7 +111,7 @@ class PinocchioDynamics:
         """Rotation (3, 3) and origin (3,) of a frame in the world."""
         pin.forwardKinematics(self.model, self._data, q)
         placement = pin.updateFramePlacement(self.model, self._data, frame_id)
-        return np.array(placement.rotation), np.array(placement.translation)
+        return np.array(placement.rotation, order="C"), np.array(placement.translation)
 
     def difference(self, q0: Array, q1: Array) -> Array:
         """The tangent vector from q0 to q1, q1 (-) q0, shape (nv,)."""

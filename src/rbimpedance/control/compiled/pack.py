@@ -42,23 +42,38 @@ def pack_law(law: ControlLaw) -> LawTables:
     Args:
         law: One whose surface and reaching law `can_pack` knows.
     """
-    nv, reaching, limits = law.arm.nv, law.reaching, law.limits
-    surface: Any = _within_bound(law.surface)
-    gains = np.zeros((nv, at.GAINS))
-    gains[:, [at.EFFORT, at.TORQUE_STEP, at.SEEN]] = np.inf
-    if isinstance(law.surface, BoundedSurface):
-        gains[:, at.SEEN] = law.surface.max_error
-    gains[:, at.DT] = law.dt
-    predicts = isinstance(reaching, SuperTwisting) and reaching.scheme == "implicit"
-    if isinstance(reaching, SuperTwisting):
-        gains[:, at.K2] = reaching.k2
+    nv, limits = law.arm.nv, law.limits
+    sliding = pack_sliding(law.surface, law.reaching, nv, law.dt)
+    gains, choices = sliding.gains, sliding.choices
     if limits is not None:
         gains[:, at.EFFORT], gains[:, at.TORQUE_STEP] = limits.effort, limits.rate * law.dt
-    form, table = _pack_filter(law.filter, nv)
-    loops = surface_address(surface.formula), reaching_address(reaching.formula)
-    knows = at.FULL if law.model == "full" else at.MASS_ONLY
-    choices = np.array([[*loops, predicts, form, knows]], dtype=np.int64)
-    return LawTables(gains, _rows(surface, nv), _rows(reaching, nv), table, choices)
+    choices[0, at.FILTER], table = _pack_filter(law.filter, nv)
+    choices[0, at.KNOWLEDGE] = at.FULL if law.model == "full" else at.MASS_ONLY
+    return sliding._replace(filter=table)
+
+
+def pack_sliding(surface: Surface, reaching: Any, size: int, dt: float) -> LawTables:
+    """Return the tables of a surface with its reaching law for some coordinates, without filter and limits.
+
+    Args:
+        surface: The surface.
+        reaching: The reaching law; `can_pack` knows both.
+        size: Number of coordinates.
+        dt: Control period [s].
+    """
+    inner = _within_bound(surface)
+    gains = np.zeros((size, at.GAINS))
+    gains[:, [at.EFFORT, at.TORQUE_STEP, at.SEEN]] = np.inf
+    if isinstance(surface, BoundedSurface):
+        gains[:, at.SEEN] = surface.max_error
+    gains[:, at.DT] = dt
+    choices = np.zeros((1, at.CHOICES), dtype=np.int64)
+    choices[0, at.SURFACE] = surface_address(inner.formula)
+    choices[0, at.REACHING] = reaching_address(reaching.formula)
+    if isinstance(reaching, SuperTwisting):
+        gains[:, at.K2] = reaching.k2
+        choices[0, at.PREDICTS] = reaching.scheme == "implicit"
+    return LawTables(gains, _rows(inner, size), _rows(reaching, size), np.zeros((0, 0)), choices)
 
 
 def _rows(part: FormulaPart, nv: int) -> Array:

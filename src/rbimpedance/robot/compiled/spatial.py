@@ -31,6 +31,7 @@ rotate = fused(vectors.rotate)
 unrotate = fused(vectors.unrotate)
 product = fused(vectors.product)
 transposed = fused(vectors.transposed)
+subtract = fused(vectors.subtract)
 
 
 @fused
