@@ -20,7 +20,8 @@ from .tool_tables import COLUMN, LENGTH, SHARES, STRENGTH, THRESHOLD, ToolScratc
 _damped = helper(damped)
 
 _SWEEPS = 40  # of rotations at most; some six are usual
-_ORTHOGONAL = 1e-15  # cosine below which two rows count as orthogonal
+_ORTHOGONAL = 1e-14  # cosine below which two rows count as orthogonal
+_NOTHING = 1e-31  # square of a row, relative to that of all, that is rounding only
 _NO_LENGTH = 1e-9  # length of a row, relative to the longest, that has no direction
 _LEAST_OVERLAP = 0.5  # of the null space with the one of the tick before
 _ROUNDS = 30  # of the iteration for the nearest orthonormal basis
@@ -110,11 +111,13 @@ def _invert_by_directions(numbers: Array, work: ToolScratch) -> bool:
 @routine
 def _rotate_rows(U: Array, B: Array) -> bool:
     """Turn every pair of rows until they are orthogonal, once; whether there was one to turn."""
-    turned = False
+    turned, total = False, 0.0
+    for p in range(SIX):
+        total += _dot(B[p], B[p])
     for p in range(SIX - 1):
         for q in range(p + 1, SIX):
             a, b, c = _dot(B[p], B[p]), _dot(B[q], B[q]), _dot(B[p], B[q])
-            if abs(c) <= _ORTHOGONAL * math.sqrt(a * b):
+            if abs(c) <= _ORTHOGONAL * math.sqrt(a * b) or min(a, b) <= _NOTHING * total:
                 continue
             turned = True
             zeta = (b - a) / (2.0 * c)
