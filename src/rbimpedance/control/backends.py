@@ -7,6 +7,7 @@ from typing import get_args
 
 from .._numba import warn_once
 from ..exceptions import ParameterError, UnsupportedJointError
+from .cartesian_tick import CartesianLaw, ToolForm
 from .protocol import Backend
 from .tick import ControlLaw, NumpyTick, TickForm
 
@@ -26,8 +27,7 @@ def tick_form(backend: Backend, law: ControlLaw) -> TickForm:
         ParameterError: An unknown backend.
         ModelError: The compiled dynamics of the arm are not Pinocchio's.
     """
-    if backend not in get_args(Backend):
-        raise ParameterError("backend", backend, '"numpy", "pinocchio" or "compiled"')
+    _check(backend)
     if backend == "numpy" or not is_available(backend):
         return NumpyTick(law)
     from .compiled.forms import CompiledTick, PinocchioTick  # noqa: PLC0415 (Numba is loaded when needed)
@@ -48,6 +48,46 @@ def tick_form(backend: Backend, law: ControlLaw) -> TickForm:
     return PinocchioTick(law)
 
 
+def tool_form(backend: Backend, law: CartesianLaw) -> ToolForm | None:
+    """Return the form of the tick at the tool that a backend stands for; None for `cartesian_tick` itself.
+
+    "pinocchio" leaves the RNEA to Pinocchio and compiles all else, the motion of the frame included. As for the joints,
+    NumPy does what cannot be compiled.
+
+    Args:
+        backend: The backend.
+        law: The controller's law.
+
+    Raises:
+        ParameterError: An unknown backend.
+        ModelError: The compiled motion or dynamics of the arm are not Pinocchio's.
+    """
+    _check(backend)
+    if backend == "numpy" or not is_available(f"{backend} tool"):
+        return None
+    from .compiled.tool_forms import CompiledToolTick, PinocchioToolTick  # noqa: PLC0415 (Numba is loaded when needed)
+    from .compiled.tool_tables import can_pack_tool  # noqa: PLC0415
+
+    if not can_pack_tool(law):
+        warn_once(
+            "there is no compiled form of a part at the tool: NumPy computes the tick, more slowly"
+        )
+        return None
+    try:
+        return CompiledToolTick(law) if backend == "compiled" else PinocchioToolTick(law)
+    except UnsupportedJointError as error:
+        name = law.arm.name
+        warn_once(
+            f"there is no compiled motion of '{name}': NumPy computes the tick, more slowly: {error}"
+        )
+        return None
+
+
+def _check(backend: Backend) -> None:
+    if backend not in get_args(Backend):
+        raise ParameterError("backend", backend, '"numpy", "pinocchio" or "compiled"')
+
+
 @functools.cache
 def is_available(backend: str = "pinocchio") -> bool:
     """Whether a backend can be compiled here; where it cannot, the logger "rbimpedance" says why, once.
@@ -55,7 +95,8 @@ def is_available(backend: str = "pinocchio") -> bool:
     What it needs is compiled at the first call, or loaded from the disk.
 
     Args:
-        backend: "pinocchio" or "compiled"; "rollout" for what a compiled closed loop needs but the loop itself.
+        backend: "pinocchio" or "compiled"; "rollout" for what a compiled closed loop needs but the loop itself;
+            "pinocchio tool" or "compiled tool" for the tick of a `CartesianController`.
     """
     try:
         _compile(backend)
@@ -86,6 +127,11 @@ def _compile(backend: str) -> None:
     from .compiled import tick  # noqa: PLC0415
 
     check_layouts()
+    if backend.endswith(" tool"):
+        from .compiled import tool_forms  # noqa: PLC0415
+
+        tool_forms.compile_tick(whole=backend == "compiled tool")
+        return
     if backend == "pinocchio":
         tick.before_kernel()
         tick.after_kernel()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,15 +15,18 @@ from ..law.cartesian_impedance import CartesianFilter, CartesianImpedance, Displ
 from ..law.damped_inverse import Damping
 from ..law.joint_bounds import JointBounds
 from ..law.limits import Limits, as_limits
+from ..law.poses import CartesianReference
 from ..law.super_twisting import ReachingState, SuperTwisting
 from ..law.surfaces import Surface
 from ..robot.arm_model import ArmModel
 from ..robot.tool_kinematics import ToolKinematics
+from .backends import tool_form
 from .cartesian_base import CartesianControllerBase, ToolMeasured
 from .cartesian_defaults import completed_laws, default_cartesian_impedance
 from .cartesian_telemetry import CartesianOutput as CartesianOutput  # noqa: PLC0414 (part of this module's interface)
 from .cartesian_telemetry import CartesianState as CartesianState  # noqa: PLC0414 (part of this module's interface)
-from .cartesian_tick import CartesianLaw, SlidingLaw, cartesian_tick
+from .cartesian_tick import CartesianLaw, SlidingLaw, ToolForm, cartesian_tick
+from .protocol import Backend
 
 
 @brief_repr()
@@ -41,7 +45,7 @@ class Posture:
     reaching: SuperTwisting | None = None
 
 
-@brief_repr("arm", "frame", "dt", "impedance", "surface", "reaching", "limits")
+@brief_repr("arm", "frame", "dt", "backend", "impedance", "surface", "reaching", "limits")
 @dataclass(frozen=True, eq=False, init=False)
 class CartesianController(MadeAnew, CartesianControllerBase[CartesianState]):
     """Super-twisting terminal sliding-mode impedance controller for a frame of the arm.
@@ -76,11 +80,14 @@ class CartesianController(MadeAnew, CartesianControllerBase[CartesianState]):
         limits: `Limits`, or an array-like of torque limits; None for none.
         joint_limits: Whether the arm's velocity and position limits bound the joint accelerations.
         damping: Of J^# near singularities.
+        backend: "numpy" for the readable form, which specifies the others; "pinocchio" for Pinocchio's RNEA with all else
+            compiled around it; "compiled" for a compiled RNEA as well. All are equal to rounding. NumPy does what
+            cannot be compiled; the logger "rbimpedance" says so, once.
 
     Raises:
-        ParameterError: dt is not a positive number, or a limit that is not positive.
+        ParameterError: dt is not a positive number, an unknown `backend`, or a limit that is not positive.
         DimensionError: A gain, a limit or a posture of another size.
-        ModelError: No such frame.
+        ModelError: No such frame, or the arm's compiled motion is not Pinocchio's.
         UnsupportedJointError: The arm has joints that mimic others.
     """
 
@@ -89,8 +96,10 @@ class CartesianController(MadeAnew, CartesianControllerBase[CartesianState]):
     posture: Posture
     limits: Limits | None
     joint_limits: bool
+    backend: Backend
     _law: CartesianLaw
-    _made = ("_law",)
+    _form: ToolForm | None
+    _made = ("_law", "_form")
 
     def __init__(
         self,
@@ -105,6 +114,7 @@ class CartesianController(MadeAnew, CartesianControllerBase[CartesianState]):
         limits: Limits | ArrayLike | None = None,
         joint_limits: bool = True,
         damping: Damping | None = None,
+        backend: Backend = "pinocchio",
     ) -> None:
         dt, damping = positive_number("dt", dt, "control period in seconds"), damping or Damping()
         posture = posture if isinstance(posture, Posture) else Posture(posture)
@@ -126,6 +136,7 @@ class CartesianController(MadeAnew, CartesianControllerBase[CartesianState]):
             limits=as_limits(limits),
             joint_limits=joint_limits,
             damping=damping,
+            backend=backend,
         )
         self._make()
 
@@ -151,7 +162,7 @@ class CartesianController(MadeAnew, CartesianControllerBase[CartesianState]):
             limits=self.limits,
             dt=self.dt,
         )
-        set_fields(self, _law=law)
+        set_fields(self, _law=law, _form=tool_form(self.backend, law))
 
     def init(self) -> CartesianState:
         """Return the state before the first tick: target at rest, integrals zero."""
@@ -172,6 +183,24 @@ class CartesianController(MadeAnew, CartesianControllerBase[CartesianState]):
             z_null_before=null,
         )
 
+    def step(  # noqa: D102 (the base's docstring; here without a detour, for its speed)
+        self,
+        state: CartesianState,
+        q: ArrayLike,
+        v: ArrayLike,
+        reference: CartesianReference,
+        wrench: ArrayLike,
+        tau_ext: ArrayLike | None = None,
+        period: float | None = None,
+    ) -> tuple[CartesianOutput, CartesianState]:
+        form, answer = self._form, None
+        if form is not None and period is None:
+            with contextlib.suppress(TypeError, ValueError):  # not plain vectors
+                answer = form.step(state, q, v, reference, wrench, tau_ext)
+        if answer is None:
+            return super().step(state, q, v, reference, wrench, tau_ext, period)
+        return answer  # type: ignore[no-any-return]
+
     @property
     def _target(self) -> CartesianFilter:
         return self._law.target
@@ -179,7 +208,11 @@ class CartesianController(MadeAnew, CartesianControllerBase[CartesianState]):
     def _step(
         self, state: CartesianState, given: ToolMeasured
     ) -> tuple[CartesianOutput, CartesianState]:
-        return cartesian_tick(self._law, state, given)
+        """The tick for inputs that its form has refused: another try with plain vectors, or NumPy's form."""
+        answer: tuple[CartesianOutput, CartesianState] | None = None
+        if self._form is not None:
+            answer = self._form.step(self._form.pack(state), *given.plain())
+        return cartesian_tick(self._law, state, given) if answer is None else answer
 
     def _elapsed(self, state: CartesianState, period: float) -> CartesianState:
         share, tool, null = period / self.dt, state.tool, state.null

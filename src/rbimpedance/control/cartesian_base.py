@@ -19,7 +19,7 @@ from ..law.cartesian_impedance import (
     six_of,
 )
 from ..law.damped_inverse import DampedInverse, Damping
-from ..law.poses import CartesianReference, check_cartesian_reference
+from ..law.poses import CartesianReference, Pose, check_cartesian_reference
 from ..law.rotations import Coefficients, RotationVector, at
 from ..law.vectors import Vector, matrix_of, vector_of
 from ..robot.arm_model import ArmModel
@@ -44,6 +44,15 @@ class ToolMeasured(NamedTuple):
     desired: CartesianReference
     wrench: Array
     tau_ext: Array | None
+
+    def plain(self) -> tuple[Any, ...]:
+        """Return the measurements with every array contiguous and aligned: q, v, reference, wrench, tau_ext."""
+        (R, p), v_d, a_d = self.desired
+        R, p, v_d, a_d, q, v, wrench = (
+            np.require(x, requirements="CA") for x in (R, p, v_d, a_d, self.q, self.v, self.wrench)
+        )
+        tau_ext = None if self.tau_ext is None else np.require(self.tau_ext, requirements="CA")
+        return q, v, CartesianReference(Pose(R, p), v_d, a_d), wrench, tau_ext
 
     def external_torque(self, J: Array) -> Array:
         """Return the torque of the environment on the joints, shape (nv,)."""

@@ -35,7 +35,14 @@ TAU, ACCELERATION, FLAGS, POSTURE, POSTURE_SIN = 0, 1, 2, 3, 4  # in a joint's r
 SATURATED, RATE_LIMITED, JOINT_LIMITED, PAIR = 1, 2, 4, 8
 """Bits of `FLAGS`; `PAIR`: the joint has two entries of q."""
 
-Z_NULL, X_NULL, A_NULL, Z_NULL_BEFORE, E_NULL, S_NULL = 0, 1, 2, 3, 4, 5  # in a null coordinate's row
+Z_NULL, X_NULL, A_NULL, Z_NULL_BEFORE, E_NULL, S_NULL = (
+    0,
+    1,
+    2,
+    3,
+    4,
+    5,
+)  # in a null coordinate's row
 
 
 def null_size(nv: int) -> int:
@@ -143,7 +150,10 @@ class PackedToolState(PackedTool):
         posture = np.zeros(given.shape)
         posture[given] = state.posture
         joints[:, POSTURE : POSTURE_SIN + 1] = posture
-        null[:, : A_NULL + 1], null[:, Z_NULL_BEFORE] = np.transpose(state.null), state.z_null_before
+        null[:, : A_NULL + 1], null[:, Z_NULL_BEFORE] = (
+            np.transpose(state.null),
+            state.z_null_before,
+        )
         block.reshape(-1)[(FIXED + 3 * nv + n) * SIX :][: nv * n] = state.basis.ravel()
         return cls(block)
 

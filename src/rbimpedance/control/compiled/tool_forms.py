@@ -21,16 +21,15 @@ from ..._numba.layouts.objects import (
     returner,
 )
 from ..._numba.layouts.tables import Held, hold, opened
+from ...law.poses import CartesianReference, Pose
 from ...robot.compiled import rigid_body
 from ...robot.compiled.dynamics import OWN_VECTOR, VECTOR_IN, CompiledDynamics
-from ...robot.compiled.frame_motion import check_frame_motion, frame_motion
-from ...robot.compiled.rigid_body import place_joints
-from ...robot.compiled.spatial import put_matrix, put_vector
+from ...robot.compiled.frame_motion import check_frame_motion
 from ...robot.compiled.tables import CONTINUOUS, KIND, ArmTables, arm_tables
 from ...robot.mimic_dynamics import pinocchio_dynamics
 from ..cartesian_telemetry import CartesianState
 from ..cartesian_tick import CartesianLaw
-from .tool_block import FIXED, SIX, TAU, PackedToolOutput, PackedToolState, rows
+from .tool_block import FIXED, POSE, SIX, TAU, PackedToolOutput, PackedToolState
 from .tool_joints import EXCEEDED, allocate, put_torque
 from .tool_tables import WORDS, ToolScratch, ToolWords, tool_words
 from .tool_tick import ToolInputs, are_sound, command, finish
@@ -132,18 +131,6 @@ def _made(block: Array, state: Array, tau: Array) -> Any:
     return _returned(DONE, block)
 
 
-def _motion(own: Any, q: Array, v: Array) -> int:
-    """Write pose, Jacobian and its rate, for the comparison with Pinocchio's."""
-    arm, tables, space, work = opened(own)
-    place_joints(arm, space, q)
-    R, p = frame_motion(
-        arm, space, work.poses, tables.frame, tables.chain, v, work.jacobian, work.rate
-    )
-    put_matrix(work.poses, 0, 0, R)
-    put_vector(work.poses, 0, 9, p)
-    return 0
-
-
 @functools.cache
 def before_kernel() -> Callable[..., Any]:
     """Compile what comes before the torque of the model, or load it from the disk."""
@@ -168,10 +155,13 @@ def whole_kernel() -> Callable[..., Any]:
     return kernel(_whole, (_OWN, OWN_VECTOR, _STATE, *_GIVEN), _RESULT)
 
 
-@functools.cache
-def motion_kernel() -> Callable[..., Any]:
-    """Compile the motion of the frame, or load it."""
-    return kernel(_motion, (_OWN, VECTOR_IN, VECTOR_IN))
+def compile_tick(*, whole: bool) -> None:
+    """Compile the tick as one kernel, or as the two around the torque of the model."""
+    if whole:
+        whole_kernel()
+    else:
+        before_kernel()
+        after_kernel()
 
 
 class CompiledToolForm:
@@ -190,7 +180,6 @@ class CompiledToolForm:
         self._pairs = arm.topology[:, KIND] == CONTINUOUS
         self._words = tool_words(law, arm)
         self._own, self._none = hold(self._words), np.empty(0)
-        self._check(law)
 
     def _tables(self, law: CartesianLaw) -> ArmTables:
         return arm_tables(law.arm)
@@ -206,12 +195,14 @@ class CompiledToolForm:
         """Return output and next state; None where this form cannot tell them, `TypeError` for no plain arrays."""
         raise NotImplementedError
 
-    def _check(self, law: CartesianLaw) -> None:
-        motion, work = motion_kernel(), self._words.scratch
+    def check(self, law: CartesianLaw) -> None:
+        """Compare the motion of the frame with Pinocchio's; a tick computes it before all else."""
+        work, six, wanted = self._words.scratch, np.zeros(SIX), Pose(np.eye(3), np.zeros(3))
+        state = PackedToolState(np.zeros(work.block.shape))
 
         def computed(q: Array, v: Array) -> tuple[Array, ...]:
-            motion(self._own, q, v)
-            pose = work.poses[0]
+            self.step(state, q, v, CartesianReference(wanted, six, six), six, None)
+            pose = work.block[POSE : POSE + 2].ravel()
             return pose[:9].reshape(3, 3), pose[9:], work.jacobian.T, work.rate.T
 
         check_frame_motion(law.arm, law.kinematics.frame, computed)
@@ -226,6 +217,7 @@ class PinocchioToolTick(CompiledToolForm):
         dynamics = pinocchio_dynamics(law.arm.raw_dynamics.model)
         self._rnea, self._mass_matrix = dynamics.rnea, dynamics.mass_matrix
         self._limit = None if law.limits is None else limit_kernel()
+        self.check(law)
 
     def step(  # noqa: D102 (the base's docstring)
         self, state: Any, q: Any, v: Any, reference: Any, wrench: Any, tau_ext: Any
@@ -249,6 +241,7 @@ class CompiledToolTick(CompiledToolForm):
     def __init__(self, law: CartesianLaw) -> None:
         super().__init__(law)
         self._whole = whole_kernel()
+        self.check(law)
 
     def _tables(self, law: CartesianLaw) -> ArmTables:
         return CompiledDynamics(law.arm).tables

@@ -10,10 +10,9 @@ from __future__ import annotations
 import math
 
 from ..._common.arrays import Array
-from ..._numba.compile import inline, routine
+from ..._numba.compile import fused, routine
 from ..._numba.formulas import helper
 from ...law.damped_inverse import RATE_DAMPING, damped
-from .manifold import factorize, solve
 from .tool_block import SIX
 from .tool_tables import COLUMN, LENGTH, SHARES, STRENGTH, THRESHOLD, ToolScratch
 
@@ -28,7 +27,7 @@ _ROUNDS = 30  # of the iteration for the nearest orthonormal basis
 _ROUNDING = 1e-15
 
 
-@routine
+@fused
 def invert(numbers: Array, work: ToolScratch, jacobian: Array, free: Array) -> bool:
     """Write J^# of the joints that are free and the share of every direction that is lost; whether nothing is.
 
@@ -43,31 +42,25 @@ def invert(numbers: Array, work: ToolScratch, jacobian: Array, free: Array) -> b
         for i in range(SIX):
             A[j, i] = free[j] * jacobian[j, i] * _row_scale(numbers, i)
     _put_gram(A, G)
-    _shift(G, -(numbers[THRESHOLD] ** 2))
-    factorize(G, work.factor)
-    is_whole = True
-    for i in range(SIX):
-        is_whole = is_whole and work.factor[i, i] > 0.0  # NaN is not
-    if not is_whole:
+    if not _factorize(G, -(numbers[THRESHOLD] ** 2), work.factor):
         return not _invert_by_directions(numbers, work)
-    _shift(G, numbers[THRESHOLD] ** 2)
-    factorize(G, work.factor)
+    _factorize(G, 0.0, work.factor)
     for j in range(len(A)):
         row = work.inverse[j]
         for i in range(SIX):
             row[i] = A[j, i]
-        solve(work.factor, row)
+        _solve(work.factor, row)
         for i in range(SIX):
             row[i] *= _row_scale(numbers, i)
     return True
 
 
-@inline
+@fused
 def _row_scale(numbers: Array, i: int) -> float:
     return 1.0 / numbers[LENGTH] if i < 3 else 1.0
 
 
-@inline
+@fused
 def _put_gram(A: Array, G: Array) -> None:
     """Write Aᵀ·A of a matrix with six columns."""
     for i in range(SIX):
@@ -78,10 +71,34 @@ def _put_gram(A: Array, G: Array) -> None:
             G[i, k] = G[k, i] = total
 
 
-@inline
-def _shift(G: Array, by: float) -> None:
-    for i in range(len(G)):
-        G[i, i] += by
+@fused
+def _factorize(G: Array, shift: float, L: Array) -> bool:
+    """Write the Cholesky factor of G + shift·I with one over its diagonal; whether that is positive definite."""
+    for i in range(SIX):
+        for j in range(i + 1):
+            entry = G[i, j] + shift if i == j else G[i, j]
+            for k in range(j):
+                entry -= L[i, k] * L[j, k]
+            if j < i:
+                L[i, j] = entry * L[j, j]
+            elif entry > 0.0:
+                L[i, i] = 1.0 / math.sqrt(entry)
+            else:
+                return False
+    return True
+
+
+@fused
+def _solve(L: Array, x: Array) -> None:
+    """Replace x by the solution y of the system whose factor is L."""
+    for i in range(SIX):
+        for k in range(i):
+            x[i] -= L[i, k] * x[k]
+        x[i] *= L[i, i]
+    for i in range(SIX - 1, -1, -1):
+        for k in range(i + 1, SIX):
+            x[i] -= L[k, i] * x[k]
+        x[i] *= L[i, i]
 
 
 @routine
@@ -128,7 +145,7 @@ def _rotate_rows(U: Array, B: Array) -> bool:
     return turned
 
 
-@inline
+@fused
 def _dot(x: Array, y: Array) -> float:
     total = 0.0
     for j in range(len(x)):
@@ -136,7 +153,7 @@ def _dot(x: Array, y: Array) -> float:
     return total
 
 
-@inline
+@fused
 def _turn(x: Array, y: Array, cos: float, sin: float) -> None:
     for j in range(len(x)):
         x[j], y[j] = cos * x[j] - sin * y[j], sin * x[j] + cos * y[j]
@@ -193,7 +210,7 @@ def fill_lost(
             wanted[j] -= V[j, c] * share
 
 
-@routine
+@fused
 def continue_basis(work: ToolScratch, is_whole: bool) -> bool:
     """Turn the basis of the tick before, in `work.basis`, into the nearest orthonormal one of the null space.
 
@@ -211,7 +228,9 @@ def continue_basis(work: ToolScratch, is_whole: bool) -> bool:
             _project_whole(work, c)
         else:
             _project_on_directions(work, c)
-    for _ in range(_ROUNDS):  # V·(VᵀV)^(-1/2): V ← V·(3·I - VᵀV)/2, which for one column is its length
+    for _ in range(
+        _ROUNDS
+    ):  # V·(VᵀV)^(-1/2): V ← V·(3·I - VᵀV)/2, which for one column is its length
         apart = 0.0
         for c in range(n):
             for d in range(n):
@@ -228,7 +247,7 @@ def continue_basis(work: ToolScratch, is_whole: bool) -> bool:
     return True
 
 
-@inline
+@fused
 def _improve(V: Array, S: Array, improved: Array) -> None:
     """Replace V by V·(3·I - S)/2; the last argument is work space."""
     n = V.shape[1]
@@ -243,7 +262,7 @@ def _improve(V: Array, S: Array, improved: Array) -> None:
             V[j, c] = improved[j, c]
 
 
-@inline
+@fused
 def _project_whole(work: ToolScratch, c: int) -> None:
     """Take J^#·J·x off a column x of V."""
     V, J, image = work.basis, work.jacobian, work.tool[COLUMN]
@@ -256,7 +275,7 @@ def _project_whole(work: ToolScratch, c: int) -> None:
             V[j, c] -= work.inverse[j, i] * image[i]
 
 
-@inline
+@fused
 def _project_on_directions(work: ToolScratch, c: int) -> None:
     """Take the parts along the joint directions of the tool off a column of V; those without a length stay."""
     V, B = work.basis, work.along
@@ -273,7 +292,7 @@ def _project_on_directions(work: ToolScratch, c: int) -> None:
             V[j, c] -= B[i, j] * part / square
 
 
-@routine
+@fused
 def put_basis_rate(work: ToolScratch, numbers: Array) -> None:
     """Write V̇ = -J⁺·J̇·V; see `law.damped_inverse.basis_rate`.
 
@@ -283,13 +302,12 @@ def put_basis_rate(work: ToolScratch, numbers: Array) -> None:
     """
     A, V, rate, column = work.scaled, work.basis, work.basis_rate, work.tool[COLUMN]
     _put_gram(A, work.gram)
-    _shift(work.gram, RATE_DAMPING)
-    factorize(work.gram, work.factor)
+    _factorize(work.gram, RATE_DAMPING, work.factor)
     for c in range(V.shape[1]):
         for i in range(SIX):
             column[i] = 0.0
             for j in range(len(V)):
                 column[i] += _row_scale(numbers, i) * work.rate[j, i] * V[j, c]
-        solve(work.factor, column)
+        _solve(work.factor, column)
         for j in range(len(V)):
             rate[j, c] = -_dot(A[j], column)

@@ -53,7 +53,7 @@ _allocate, _bounds = helper(allocate_joints), helper(torque_bounds)
 _reached = helper(limits_reached)
 
 
-@routine
+@inline
 def keep_joint_limits(arm: ArmTables, tables: ToolTables, work: ToolScratch, given: Any) -> None:
     """Write the accelerations within velocity and position limits; see `law.joint_bounds.JointBounds.keep`."""
     joints, kept, wanted = work.joints, work.joints[COMMAND], work.joints[WANTED]
@@ -87,7 +87,7 @@ def _hold_beyond(low: Array, high: Array, kept: Array, free: Array) -> bool:
     return found
 
 
-@inline
+@routine
 def _let_others_take_over(
     tables: ToolTables, work: ToolScratch, kept: Array, wanted: Array
 ) -> None:
@@ -107,8 +107,10 @@ WITHIN, EXCEEDED = 0, 1
 """Whether the torque of the law is within the limits."""
 
 
-@routine
-def put_torque(arm: ArmTables, tables: ToolTables, work: ToolScratch, state: Array, given: Any) -> int:
+@inline
+def put_torque(
+    arm: ArmTables, tables: ToolTables, work: ToolScratch, state: Array, given: Any
+) -> int:
     """Write the motor torque from that of the model; `EXCEEDED` where a limit asks for `allocate`."""
     joints, status = work.joints, WITHIN
     for j in range(len(given.v)):
@@ -137,7 +139,7 @@ def allocate(work: ToolScratch) -> None:
     )  # fmt: skip
 
 
-@routine
+@inline
 def put_flags(tables: ToolTables, work: ToolScratch) -> None:
     """Write the torque, and which of its limits are reached."""
     joints = work.joints

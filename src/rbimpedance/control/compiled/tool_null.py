@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..._common.arrays import Array
-from ..._numba.compile import inline, routine
+from ..._numba.compile import inline
 from ...robot.compiled.tables import CONTINUOUS, KIND, Q_INDEX, ArmTables
 from .law import angle_between
 from .tool_block import E_NULL, FIXED, FLAGS, HEAD, PAIR, POSTURE, POSTURE_SIN, SIX, TICKS
@@ -18,7 +18,7 @@ from .tool_tables import (
 )
 
 
-@routine
+@inline
 def posture_error(
     arm: ArmTables, tables: ToolTables, work: ToolScratch, state: Array, q: Array
 ) -> None:
@@ -45,7 +45,7 @@ def _put_posture(block: Array, row: int, q: Array, i: int, turns: bool) -> None:
     block[row, POSTURE_SIN] = q[i + 1] if turns else 0.0
 
 
-@routine
+@inline
 def move_null_space(
     work: ToolScratch, state: Array, numbers: Array, v: Array, is_whole: bool
 ) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..._common.arrays import Array
-from ..._numba.compile import inline, routine
+from ..._numba.compile import inline
 from ..._numba.formulas import call_loop, helper
 from ...law.bounded_surface import at_bound
 from ...law.formulas import clip
@@ -58,7 +58,7 @@ _at_bound, _clip, _demanded = helper(at_bound), helper(clip), helper(demanded_ac
 _rested, _corrected_x = helper(rested), helper(corrected_x)
 
 
-@routine
+@inline
 def slide_at_tool(law: LawTables, work: ToolScratch, state: Array) -> None:
     """Write s, u and the acceleration of the error that they ask for, of the six directions."""
     rows, block = work.at_tool, work.block
@@ -73,7 +73,7 @@ def slide_at_tool(law: LawTables, work: ToolScratch, state: Array) -> None:
         block[S, i], block[U, i], block[Z_BEFORE, i] = rows[S_ROW, i], u, rows[Z_ROW, i]
 
 
-@routine
+@inline
 def slide_in_null(law: LawTables, work: ToolScratch, state: Array) -> None:
     """The same of the null space, where the rate of the error is not the velocity: V turns."""
     rows, block, null = work.in_null, work.block, work.null
@@ -94,9 +94,7 @@ def slide_in_null(law: LawTables, work: ToolScratch, state: Array) -> None:
         rows[S_ROW, c] = block[start + c, S_NULL]
     _reach(law, rows, state[HEAD, TICKS] == 0.0)
     for c in range(n):
-        null[Y_NULL, c] = _demanded(
-            0.0, rows[FEEDFORWARD, c], rows[U_ROW, c], rows[ZOH_GAIN, c]
-        )
+        null[Y_NULL, c] = _demanded(0.0, rows[FEEDFORWARD, c], rows[U_ROW, c], rows[ZOH_GAIN, c])
         block[start + c, Z_NULL_BEFORE] = rows[Z_ROW, c]
 
 
@@ -120,7 +118,7 @@ def _reach(law: LawTables, rows: Array, starts: bool) -> None:
     call_loop(law.choices[0, REACHING], rows, S_ROW, law.gains[0, DT], law.reaching, U_ROW)
 
 
-@routine
+@inline
 def stop_at_tool(law: LawTables, work: ToolScratch, missing: Array) -> None:
     """Write the next memory at the tool, ė2 and u under the torque.
 
@@ -140,7 +138,7 @@ def stop_at_tool(law: LawTables, work: ToolScratch, missing: Array) -> None:
         block[HOLDS, i] = 1.0 if unrealised == 0.0 else 0.0
 
 
-@routine
+@inline
 def stop_in_null(law: LawTables, work: ToolScratch, withheld: Array) -> None:
     """Write the next memory in the null space; withheld is joint acceleration that limits take, shape (nv,)."""
     rows, V = work.in_null, work.basis

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ..._common.arrays import Array
-from ..._numba.compile import inline, routine
+from ..._numba.compile import inline
 from ..._numba.formulas import helper
 from ...law.rotations import at
 from ...law.tool_formulas import (
@@ -121,7 +121,7 @@ class ToolInputs(NamedTuple):
     tau_ext: Array
 
 
-@routine
+@inline
 def are_sound(arm: ArmTables, given: ToolInputs) -> bool:
     """Whether all sizes are right, all numbers finite, and the rotation is one."""
     q, v, R, p, v_d, a_d, wrench, tau_ext = given
@@ -178,7 +178,7 @@ def _put_pose(block: Array, k: int, R: Matrix, p: Vector) -> None:
     _put_six(block, k + 1, ((R[6], R[7], R[8]), p))
 
 
-@routine
+@inline
 def command(words: ToolWords, state: Array, given: ToolInputs) -> bool:
     """Write the joint acceleration that the torque is to bring about, and most of the block.
 
@@ -308,7 +308,7 @@ def _resolve(work: ToolScratch, numbers: Array, v: Array, is_whole: bool) -> Non
         fill_lost(numbers, work, tool[DEMAND], asked, wanted, tool[MISSING])
 
 
-@routine
+@inline
 def finish(tables: ToolTables, work: ToolScratch) -> None:
     """Write what the torque within the limits realises, and the memory of the reaching laws for the next tick."""
     put_flags(tables, work)
