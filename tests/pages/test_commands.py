@@ -48,6 +48,8 @@ _TUNE = "tune ur5 --payload 2 --inertia-scale 1.1 --out out"
 _RUN = "run ur5 --payload 1.3 --gains out/gains.json"
 _PANDA = "run panda --lock panda_finger_joint1 --payload 2 --armature 0.1"
 _RUN_FILES = ("errors.png", "impedance_error.png", "torque.png", "result.npz")
+_TOOL = "ur5 --frame tool0 --payload 2 --inertia-scale 1.1 --armature 0.1"
+_TUNE_TOOL = f"tune {_TOOL} --line 0,0.1,0.05 --period 2 --out out"
 _TUNED = ("proposed gains", r"The controller's model holds [\d.]+ kg")
 _STUDY = ("--robots", "ur5", "--samples", "1", "--disturbances", "nothing")
 
@@ -92,6 +94,14 @@ COMMANDS = {
     _RUN: Shown((r"gains of out/gains\.json", FIGURES), needs=(_TUNE,), slow=True),
     f"{_RUN} --out out": Shown(
         (r"gains of out/gains\.json", FIGURES), ("out/result.npz",), needs=(_TUNE,), slow=True
+    ),
+    _TUNE_TOOL: Shown(
+        ("frame 'tool0'", "proposed gains", "translation"), ("out/gains.json",), slow=True
+    ),
+    f"run {_TOOL} --circle 0.1 --gains out/gains.json": Shown(
+        (r"ok: within its limits; its rms error is [\d.]+e-\d+ m and [\d.]+e-\d+ rad at the tool",),
+        needs=(_TUNE_TOOL,),
+        slow=True,
     ),
     "bench": Shown(("pin.rnea",), slow=True),
     "bench ur5 --json": Shown(('"ur5"',), slow=True),

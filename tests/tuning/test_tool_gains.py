@@ -14,7 +14,8 @@ import rbimpedance as rbi
 from rbimpedance.law.damped_inverse import Damping
 from rbimpedance.robot.tool_kinematics import ToolKinematics
 from rbimpedance.trajectories import cartesian
-from rbimpedance.tuning.tool_gains import BLOCKS, joint_motion
+from rbimpedance.tuning.tool_gains import joint_motion
+from rbimpedance.tuning.tool_proposal import BLOCKS
 
 Q = np.array([0.0, -1.2, 1.6, -1.9, -1.57, 0.3])
 UNKNOWN = rbi.Uncertainty(payload=2.0, inertia_scale=(0.9, 1.1))

@@ -5,15 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
+from ..control.cartesian import CartesianController, Posture
 from ..control.controller import ImpedanceController
+from ..control.tool_view import AnyController
 from ..exceptions import ParameterError
 from ..law.super_twisting import Scheme, SuperTwisting
 from ..simulation.scenarios import SurfaceName, paper_surface
-from ..tuning import GainProposal, propose_gains
+from ..tuning import CartesianGainProposal, GainProposal, propose_gains
 from ..tuning.gains_file import load_gains
 from .notes import say_whether_rotors_lack
 from .options import KnowledgeOptions, numbers, option
@@ -46,7 +48,7 @@ class LawOptions(KnowledgeOptions):
         Scheme | None, _gains("With k1, k2: explicit, matched (default) or implicit.", "NAME")
     ] = None
 
-    def controller(self, task: Task) -> tuple[ImpedanceController, str] | None:
+    def controller(self, task: Task) -> tuple[AnyController, str] | None:
         """Return the controller of given gains and words on it; None where gains are to be tuned.
 
         Raises:
@@ -63,9 +65,11 @@ class LawOptions(KnowledgeOptions):
                 "--k1 and --k2", given, "given together, or neither, for tuned gains"
             )
         surface, scheme = self.surface or "fast-terminal", self.scheme or "matched"
+        if task.tool.frame is not None:
+            return self._at_tool(task, scheme), f"given gains, {scheme} scheme"
         made = ImpedanceController(
             task.arm,
-            impedance=task.target.impedance(),
+            impedance=task.impedance(),
             surface=paper_surface(surface),
             reaching=SuperTwisting(numbers("--k1", self.k1), numbers("--k2", self.k2), scheme),
             dt=task.motion.dt,
@@ -80,7 +84,28 @@ class LawOptions(KnowledgeOptions):
         is_given = self.gains is not None or self.k1 is not None
         return [f"leave out {given}: run then tunes gains for this task"] if is_given else []
 
-    def _from_file(self, file: Path, task: Task) -> ImpedanceController:
+    def _at_tool(self, task: Task, scheme: Scheme) -> CartesianController:
+        """Build the law of a frame with gains of translation, rotation and null space."""
+        if self.surface is not None:
+            raise ParameterError("--surface", self.surface, "left out with --frame")
+        if self.knowledge("full") != "full":
+            raise ParameterError("--model", self.model, "full with --frame")
+        k1, k2 = (
+            np.broadcast_to(numbers(name, given or "", 1, 3), 3)
+            for name, given in (("--k1", self.k1), ("--k2", self.k2))
+        )
+        at_tool = SuperTwisting(np.repeat(k1[:2], 3), np.repeat(k2[:2], 3), scheme)
+        null = SuperTwisting(float(k1[2]), float(k2[2]), scheme)
+        return CartesianController(
+            task.arm,
+            task.impedance(),
+            reaching=at_tool,
+            dt=task.motion.dt,
+            posture=Posture(reaching=null),
+            limits=task.target.torque_limits(task.arm),
+        )
+
+    def _from_file(self, file: Path, task: Task) -> AnyController:
         """Build the controller of a file; what the file was not made for is noted."""
         gains, target = load_gains(file), task.target
         limits = None
@@ -97,7 +122,8 @@ class LawOptions(KnowledgeOptions):
             say(
                 f"note: '{file}' was tuned for something else: {'; '.join(others)}; tune again for this"
             )
-        return gains.controller(task.arm, target.impedance(), limits=limits)
+        controller: AnyController = gains.controller(task.arm, task.impedance(), limits=limits)
+        return controller
 
     def _check_nothing_given(self) -> None:
         choices = {"surface": self.surface, "scheme": self.scheme, "model": self.knowledge("full")}
@@ -110,7 +136,9 @@ class LawOptions(KnowledgeOptions):
                 raise ParameterError(f"--{name}", value, wanted)
 
 
-def tuned(task: Task, *, quiet: bool, at_least: float = 0.0) -> GainProposal:
+def tuned(
+    task: Task, *, quiet: bool, at_least: float = 0.0
+) -> GainProposal | CartesianGainProposal:
     """Propose gains for a task, with a progress bar.
 
     Args:
@@ -120,15 +148,16 @@ def tuned(task: Task, *, quiet: bool, at_least: float = 0.0) -> GainProposal:
     """
     arm, motion = task.arm, task.motion
     lacking = say_whether_rotors_lack(arm, task.unknown.plant(arm).plant)
-    trajectory = motion.trajectory(arm)
     with progress(f"tuning {arm.name}", quiet=quiet) as on_tick:
-        return propose_gains(
+        options: dict[str, Any] = {"frame": task.tool.frame}
+        proposal: GainProposal | CartesianGainProposal = propose_gains(
             arm,
             task.unknown.uncertainty(),
-            trajectory,
+            task.trajectory(),
             motion.dt,
-            impedance=task.target.impedance(),
-            q0=motion.start_of(arm, trajectory),
+            **options,
+            impedance=task.impedance(),
+            q0=task.start(),
             limits=task.target.torque_limits(arm),
             accuracy=task.target.accuracy,
             duration=max(motion.duration, at_least),
@@ -136,3 +165,4 @@ def tuned(task: Task, *, quiet: bool, at_least: float = 0.0) -> GainProposal:
             on_tick=on_tick,
             remedy_time=WITHOUT_ROTORS if lacking else REMEDY_TIME,
         )
+    return proposal

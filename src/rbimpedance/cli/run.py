@@ -12,7 +12,7 @@ import numpy as np
 import typer
 
 from .._common.arrays import whole_number
-from ..control.controller import ImpedanceController
+from ..control.tool_view import AnyController
 from ..exceptions import DivergenceError
 from ..interaction import FrameWrench
 from ..simulation.checkpoint import Checkpoint
@@ -20,15 +20,17 @@ from ..simulation.closed_loop import OnTick
 from ..simulation.plants.integrators import Integrator
 from ..simulation.result import SimulationResult
 from ..simulation.run import number_of_ticks, simulate
+from ..tuning import GainProposal
 from ..tuning.gains_file import save_gains
 from .law import TUNING_TIME, LawOptions, tuned
 from .notes import say_grave_notes
 from .option_groups import with_options
 from .options import OutputOptions, Robot, RobotOptions, numbers, option
 from .recording import FAILED, draw, prepare, record, say_failed, say_written
-from .run_tables import LEGEND, result_figures, result_tables
+from .run_tables import LEGEND, TOOL_LEGEND, result_figures, result_tables, tool_figures
 from .task_options import MotionOptions, TargetOptions, Task, UnknownOptions, naming_joints
 from .terminal import explain, print_json, print_table, tell
+from .tool_options import ToolOptions
 from .wording import as_options
 
 _simulation = partial(option, "Simulation")
@@ -38,6 +40,8 @@ _FIGURES = {
     "impedance_error": "impedance_error",
     "torque": "torques",
 }
+
+_AT_TOOL = {"errors": "tool_errors", "torque": "torques"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,8 +66,9 @@ class PlantOptions:
         """Say what cannot be run before gains are searched for.
 
         Raises:
-            ParameterError: A count of steps, or a duration that is no multiple of the period.
+            ParameterError: A wrench, a count of steps, or a duration that is no multiple of the period.
         """
+        self.environment()
         whole_number("substeps", self.substeps, 1, "the period is a multiple of the physics step")
         number_of_ticks(motion.duration, motion.dt)
 
@@ -95,20 +100,22 @@ def run(
     unknown: UnknownOptions,
     motion: MotionOptions,
     target: TargetOptions,
+    tool: ToolOptions,
     law: LawOptions,
     acting: PlantOptions,
     output: RunOutputOptions,
 ) -> None:
-    """Simulate the controller on a robot that follows a cosine; gains are tuned unless given.
+    """Simulate the controller on a robot that follows a cosine, or with --frame moves its tool.
+
+    Gains are tuned unless given.
 
     The simulated arm has what is unknown, at the last number of each range.
 
     Exit code 1: the arm is lost or far from its motion, leaves its limits, needs more torque than it has for more than
     a moment, or its torque chatters.
     """
-    task = Task(reading.load(robot), motion, target, unknown)
+    task = Task(tool.load(reading, robot), motion, target, unknown, tool)
     task.check()
-    environment = acting.environment()
     acting.check(task.motion)
     prepare(output.out / "result.npz", output.html)
     with naming_joints(task.arm):
@@ -119,7 +126,7 @@ def run(
     title = f"{task.arm.name}, payload {payload:g} kg, {words}, dt = {controller.dt:g} s"
     remedies = law.remedies()
     checkpoint = Checkpoint(
-        output.out / "result.checkpoint", f"{motion}, {acting}", resume=output.resume
+        output.out / "result.checkpoint", f"{motion}, {acting}, {tool}", resume=output.resume
     )
     try:
         result = record(
@@ -133,9 +140,10 @@ def run(
         _end(output, title, [str(error)], remedies=remedies)
         raise typer.Exit(FAILED) from error
     checkpoint.remove()
-    files = [*draw(result, _FIGURES, output.out), output.out / "result.npz"]
+    figures = _FIGURES if result.tool is None else _AT_TOOL
+    files = [*draw(result, figures, output.out), output.out / "result.npz"]
     if output.html is not None:
-        files.append(result.save_html(output.html, environment=environment))
+        files.append(result.save_html(output.html, environment=acting.environment()))
     reasons = [finding.words for finding in result.verdict().findings]
     _end(output, title, reasons, result, files, remedies if reasons else ())
 
@@ -143,18 +151,18 @@ def run(
 def _simulate(
     task: Task,
     acting: PlantOptions,
-    controller: ImpedanceController,
+    controller: AnyController,
     on_tick: OnTick,
     checkpoint: Checkpoint,
 ) -> SimulationResult:
     """Run the controller against the arm that has what is unknown."""
-    sample, trajectory = task.unknown.plant(task.arm), task.motion.trajectory(task.arm)
+    sample = task.unknown.plant(task.arm)
     return simulate(
         sample.wrap(controller),
         sample.plant,
-        trajectory,
+        task.trajectory(),
         environment=acting.environment(),
-        q0=task.motion.start_of(task.arm, trajectory),
+        q0=task.start(),
         duration=task.motion.duration,
         substeps=acting.substeps,
         integrator=acting.integrator,
@@ -164,17 +172,18 @@ def _simulate(
     )
 
 
-def _tuned(task: Task, output: OutputOptions) -> tuple[ImpedanceController, str]:
+def _tuned(task: Task, output: OutputOptions) -> tuple[AnyController, str]:
     """Tune gains and say so; where there are none, say why and leave."""
     if not output.silent:
         tell(f"no gains given: tuning {task.arm.name} for what is unknown")
     proposal = tuned(task, quiet=output.silent, at_least=TUNING_TIME)
     if not proposal.feasible:
-        _end(output, task.arm.name, [f"no gains: {proposal.reason}"], remedies=proposal.remedies)
+        remedies = proposal.remedies if isinstance(proposal, GainProposal) else ()
+        _end(output, task.arm.name, [f"no gains: {proposal.reason}"], remedies=remedies)
     file = save_gains(proposal, output.out / "gains.json")
     if not output.silent:
         tell(proposal.explain())
-    return proposal.controller(task.target.impedance()), f"tuned gains ({file})"
+    return proposal.controller(task.impedance()), f"tuned gains ({file})"
 
 
 def _end(
@@ -194,12 +203,13 @@ def _end(
         said: dict[str, Any] = {"title": title, "verdict": verdict}
         if result is not None:
             said |= {"joints": result.joint_names, "metrics": result_figures(result)}
+            said |= {} if result.tool is None else {"tool": tool_figures(result)}
         print_json(said)
     elif result is not None:
         if not output.quiet:
             for shown in result_tables(title, result):
                 print_table(shown)
-            explain(LEGEND)
+            explain(LEGEND if result.tool is None else TOOL_LEGEND)
             if not reasons:
                 tell(f"ok: {result.verdict()}")
         say_written(files)

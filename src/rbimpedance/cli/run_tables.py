@@ -10,9 +10,10 @@ from rich.table import Table
 
 from .._common.arrays import Array
 from ..simulation.result import SimulationResult
+from ..simulation.run_log import settling_time
 from ..simulation.violations import unit_of
 from .terminal import number, table
-from .units import kinds
+from .units import Units, kinds
 
 _METRICS = {
     "e1_final": "|e1| at the end [{x}]",
@@ -35,6 +36,24 @@ LEGEND = (
 )
 """What the names in the tables of runs mean."""
 
+TOOL_LEGEND = (
+    "e1: distance of the tool from the motion that its target impedance makes, in world axes; rx, ry, rz: rotation; "
+    "e2: the same in velocity; wrench: what pushes on the tool; tau: motor torque; rms: root mean square; variation: "
+    "all ups and downs in a second; –: never"
+)
+"""What the names in the tables of runs at the tool mean."""
+
+_TOOL_METRICS = {
+    "e1_final": "|e1| at the end [{x}]",
+    "e1_max": "|e1| largest [{x}]",
+    "e1_rms": "|e1| rms [{x}]",
+    "e2_rms": "|e2| rms [{x}/s]",
+    "settling_1e-3": "|e1| below 1e-3 {x} from [s]",
+    "wrench_max": "wrench, largest [{f}]",
+}
+
+_TOOL_AXES = (Units("m", "N", "kg", (0, 1, 2)), Units("rad", "N·m", "kg·m^2", (3, 4, 5)))
+
 _COMPARED = {
     "e1_max_second_half": "|e1| largest, second half [rad]",
     "e_im_final": "|e_im| at the end [N·m]",
@@ -52,13 +71,49 @@ def result_figures(result: SimulationResult) -> dict[str, Array]:
 
 def result_tables(title: str, result: SimulationResult) -> Iterator[Table]:
     """One table for the joints that turn and one for those that slide: one row per figure, one column per joint."""
+    metrics = _METRICS
+    if result.tool is not None:
+        yield from _tool_tables(title, result)
+        title, metrics = "joints", {name: _METRICS[name] for name in ("tau_peak", "tau_variation")}
     figures, names = result_figures(result), result.joint_names
     for kind in kinds([unit_of(result, i) for i in range(len(names))]):
         rows = [
             [kind.write(label), *(number(float(figures[name][i])) for i in kind.joints)]
-            for name, label in _METRICS.items()
+            for name, label in metrics.items()
         ]
         yield table(title, ("", *(names[i] for i in kind.joints)), rows)
+
+
+def tool_figures(result: SimulationResult) -> dict[str, Array]:
+    """Figures of merit of a run at the tool, each of shape (6,): x, y, z in m and their rotations in rad.
+
+    Args:
+        result: One that has a `tool`.
+    """
+    log = result.tool
+    if log is None:
+        raise TypeError("a run without a tool")
+    e1 = np.abs(log.e1)
+    return {
+        "e1_final": e1[-1],
+        "e1_max": e1.max(axis=0),
+        "e1_rms": np.sqrt(np.mean(e1**2, axis=0)),
+        "e2_rms": np.sqrt(np.mean(log.e2**2, axis=0)),
+        "settling_1e-3": settling_time(result.t, e1, 1e-3),
+        "wrench_max": np.abs(log.wrench).max(axis=0),
+    }
+
+
+def _tool_tables(title: str, result: SimulationResult) -> Iterator[Table]:
+    """One table for the translation of the tool and one for its rotation."""
+    figures = tool_figures(result)
+    axes = zip(_TOOL_AXES, (title, "rotation"), (("x", "y", "z"), ("rx", "ry", "rz")), strict=True)
+    for kind, title, names in axes:
+        rows = [
+            [kind.write(label), *(number(float(figures[name][i])) for i in kind.joints)]
+            for name, label in _TOOL_METRICS.items()
+        ]
+        yield table(title, ("tool", *names), rows)
 
 
 def comparison_figures(results: Mapping[str, SimulationResult]) -> dict[str, dict[str, float]]:

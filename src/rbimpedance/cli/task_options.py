@@ -1,4 +1,4 @@
-"""Options of what a controller is for: the motion, what is unknown, and the impedance that is wanted."""
+"""Options of what a controller is for: the motion, what is unknown, the impedance that is wanted, and where."""
 
 from __future__ import annotations
 
@@ -15,10 +15,12 @@ from .._common.arrays import Array, per_joint, positive, positive_number
 from ..exceptions import DimensionError, InputError, ParameterError
 from ..law.impedance import Impedance
 from ..robot.arm_model import ArmModel
+from ..robot.dexterous import dexterous_configuration
 from ..trajectories import Trajectory, cosine
 from ..tuning import Uncertainty
 from ..tuning.plant_sample import PlantSample
 from .options import numbers, option
+from .tool_options import ToolOptions
 
 _motion = partial(option, "Motion")
 _unknown = partial(option, "Unknown")
@@ -32,7 +34,9 @@ class MotionOptions:
     center: Annotated[
         str | None,
         _motion(
-            "Of the cosine reference in rad or m. Default: the arm's ready posture.", "Q[,Q..]"
+            "Of the cosine reference in rad or m; with --frame where the tool begins. Default: the arm's ready "
+            "posture; with --frame another one where that is singular.",
+            "Q[,Q..]",
         ),
     ] = None
     amplitude: Annotated[
@@ -52,9 +56,15 @@ class MotionOptions:
         amplitude = None if self.amplitude is None else numbers("--amplitude", self.amplitude)
         return cosine(arm, center=center, amplitude=amplitude, period=self.period)
 
-    def start_of(self, arm: ArmModel, trajectory: Trajectory) -> Array:
+    def middle(self, arm: ArmModel) -> Array:
+        """Return the configuration at which the motion of a frame begins, shape (nq,)."""
+        if self.center is None:
+            return dexterous_configuration(arm, arm.tool_frame)
+        return _posture("--center", self.center, arm)
+
+    def start_of(self, arm: ArmModel, usual: Array) -> Array:
         """Return the configuration to start from, shape (nq,)."""
-        return trajectory(0.0).q if self.start is None else _posture("--start", self.start, arm)
+        return usual if self.start is None else _posture("--start", self.start, arm)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,9 +113,28 @@ class UnknownOptions:
 class TargetOptions:
     """The impedance that the arm is to have, and the torques that it may use."""
 
-    mass: Annotated[str, _target("M_d, per joint.", "M[,M..]")] = "1"
-    damping: Annotated[str, _target("D_d, per joint.", "D[,D..]")] = "10"
-    stiffness: Annotated[str, _target("K_d, per joint.", "K[,K..]")] = "20"
+    mass: Annotated[
+        str | None,
+        _target(
+            "M_d, per joint. Default: 1. With --frame in kg and kg m^2, for translation and rotation or six numbers. "
+            "Default: 3,0.15.",
+            "M[,M..]",
+        ),
+    ] = None
+    damping: Annotated[
+        str | None,
+        _target(
+            "D_d, per joint. Default: 10. With --frame in N s/m and N m s/rad, likewise. Default: critical.",
+            "D[,D..]",
+        ),
+    ] = None
+    stiffness: Annotated[
+        str | None,
+        _target(
+            "K_d, per joint. Default: 20. With --frame in N/m and N m/rad, likewise. Default: 600,20.",
+            "K[,K..]",
+        ),
+    ] = None
     accuracy: Annotated[float, _target("Largest error allowed in rad or m.", "X")] = 1e-3
     limits: Annotated[
         str | None,
@@ -117,11 +146,11 @@ class TargetOptions:
     ] = None
 
     def impedance(self) -> Impedance:
-        """Return the target."""
+        """Return the target of the joints."""
         return Impedance(
-            mass=numbers("--mass", self.mass),
-            damping=numbers("--damping", self.damping),
-            stiffness=numbers("--stiffness", self.stiffness),
+            mass=numbers("--mass", self.mass or "1"),
+            damping=numbers("--damping", self.damping or "10"),
+            stiffness=numbers("--stiffness", self.stiffness or "20"),
         )
 
     def torque_limits(self, arm: ArmModel) -> Array | None:
@@ -155,12 +184,37 @@ class Task(NamedTuple):
         motion: What it follows.
         target: How it is to feel.
         unknown: What the controller does not know.
+        tool: The frame that is controlled, if any.
     """
 
     arm: ArmModel
     motion: MotionOptions
     target: TargetOptions
     unknown: UnknownOptions
+    tool: ToolOptions
+
+    def trajectory(self) -> Any:
+        """Return the desired motion, of the joints or of the frame."""
+        motion = self.motion
+        if self.tool.frame is None:
+            return motion.trajectory(self.arm)
+        if motion.amplitude is not None:
+            words = "left out with --frame, whose motion is --line or --circle"
+            raise ParameterError("--amplitude", motion.amplitude, words)
+        return self.tool.trajectory(self.arm, motion.middle(self.arm), motion.period)
+
+    def start(self) -> Array:
+        """Return the configuration to start from, shape (nq,)."""
+        motion, arm = self.motion, self.arm
+        is_joints = self.tool.frame is None
+        return motion.start_of(arm, self.trajectory()(0.0).q if is_joints else motion.middle(arm))
+
+    def impedance(self) -> Any:
+        """Return the target, of the joints or of the frame."""
+        given = self.target
+        if self.tool.frame is None:
+            return given.impedance()
+        return self.tool.impedance(given.mass, given.damping, given.stiffness)
 
     def check(self) -> None:
         """Read every option once, so that what cannot be is said before any work is done.
@@ -178,8 +232,11 @@ class Task(NamedTuple):
         positive_number("accuracy", self.target.accuracy, "error")
         self.unknown.uncertainty()
         self.unknown.plant(self.arm)
-        self.motion.start_of(self.arm, self.motion.trajectory(self.arm))
-        self.target.impedance().filter(self.arm.nv, self.motion.dt)
+        self.trajectory()
+        self.start()
+        impedance, dt = self.impedance(), self.motion.dt
+        if isinstance(impedance, Impedance):
+            impedance.filter(self.arm.nv, dt)
         limits = self.target.torque_limits(self.arm)
         if limits is not None:
             per_joint("--limits", positive("--limits", limits), self.arm.nv)

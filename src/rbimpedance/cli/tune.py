@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from ..tuning import GainProposal
+from ..tuning import CartesianGainProposal, GainProposal
 from ..tuning.gains_file import proposal_data, save_gains
 from .law import tuned
 from .notes import say_grave_notes
@@ -15,13 +15,18 @@ from .options import OutputOptions, Robot, RobotOptions
 from .recording import FAILED, prepare, say_written
 from .task_options import MotionOptions, TargetOptions, Task, UnknownOptions
 from .terminal import explain, print_json, print_table, tell
+from .tool_options import ToolOptions
 from .tune_tables import (
+    BLOCKS_LEGEND,
     LEGEND,
+    WORST_AT_TOOL_LEGEND,
     WORST_LEGEND,
+    blocks_table,
     case_names,
     gains_tables,
     step_error,
     torque_tables,
+    worst_at_tool,
     worst_table,
 )
 
@@ -33,10 +38,11 @@ def tune(
     unknown: UnknownOptions,
     motion: MotionOptions,
     target: TargetOptions,
+    tool: ToolOptions,
     output: OutputOptions,
 ) -> None:
     """Propose gains for what is not known about a robot, or say why there are none (exit code 1)."""
-    task = Task(reading.load(robot), motion, target, unknown)
+    task = Task(tool.load(reading, robot), motion, target, unknown, tool)
     say_grave_notes(task.arm)
     task.check()
     prepare(output.out)
@@ -53,7 +59,14 @@ def tune(
         raise typer.Exit(FAILED)
 
 
-def _print_tables(proposal: GainProposal) -> None:
+def _print_tables(proposal: GainProposal | CartesianGainProposal) -> None:
+    if isinstance(proposal, CartesianGainProposal):
+        print_table(blocks_table(proposal))
+        explain(BLOCKS_LEGEND)
+        if proposal.worst:
+            print_table(worst_at_tool(proposal))
+            explain(WORST_AT_TOOL_LEGEND)
+        return
     for shown in gains_tables(proposal):
         print_table(shown)
     explain(LEGEND)
@@ -64,12 +77,12 @@ def _print_tables(proposal: GainProposal) -> None:
         explain(WORST_LEGEND.format(step=step_error(proposal)))
 
 
-def _write(proposal: GainProposal, out: Path) -> list[Path]:
+def _write(proposal: GainProposal | CartesianGainProposal, out: Path) -> list[Path]:
     """Write gains.json, and the errors of the worst samples where any was simulated."""
     from ..pictures import figures  # noqa: PLC0415  (Matplotlib takes half a second)
 
     files = [save_gains(proposal, out / "gains.json")]
-    if proposal.worst:
+    if isinstance(proposal, GainProposal) and proposal.worst:
         cases = zip(case_names(proposal), proposal.worst, strict=True)
         runs = {name: (case.result.t, case.true_error) for name, case in cases}
         files.append(figures.save(figures.error_sizes(runs), out / "worst_samples.png"))

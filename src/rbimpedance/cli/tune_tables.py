@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from rich.table import Table
 
 from .._common.arrays import Array
 from ..control.default_gains import slope_at_zero
-from ..tuning import GainProposal
+from ..tuning import CartesianGainProposal, GainProposal
+from ..tuning.tool_proposal import BLOCKS
 from .terminal import number, table
 from .units import Units, kinds
 
@@ -107,10 +109,54 @@ def worst_table(proposal: GainProposal) -> Table:
     return table("simulated", header, rows)
 
 
-def case_names(proposal: GainProposal) -> list[str]:
+BLOCKS_LEGEND = (
+    "k1, k2: gains of the tool's translation and rotation and of the joint motions that leave it where it is; "
+    "mismatch: largest acceleration that the model gets wrong; error left, noise: the steady error under such a "
+    "disturbance, and "
+    "what sensor noise adds"
+)
+"""What the columns of the table of gains at the tool mean."""
+
+WORST_AT_TOOL_LEGEND = (
+    "late: distance of the tool from its reference at the end of the simulated motion; variation: all ups and downs of "
+    "the torque in a second; needed: those that the motion needs"
+)
+"""What the columns of the table of worst samples at the tool mean."""
+
+
+def blocks_table(proposal: CartesianGainProposal) -> Table:
+    """One row per block: the gains, and the bounds that they come from."""
+    verdict = "proposed gains" if proposal.feasible else "REFUSED, the numbers behind it"
+    title = f"{proposal.nominal.name}, frame '{proposal.frame}', dt = {proposal.dt:g} s: {verdict}"
+    columns = (proposal.k1, proposal.k2, proposal.missed, proposal.error, proposal.noise_error)
+    rows = [
+        [f"{block} [{unit}]", *(number(float(column[i])) for column in columns)]
+        for i, (block, unit) in enumerate(zip(BLOCKS, ("m", "rad", "rad"), strict=True))
+        if i < 2 or proposal.nominal.nv > 6
+    ]
+    header = ("", "k1", "k2", "mismatch [../s^2]", "error left [..]", "noise [..]")
+    return table(f"{title}, margin {proposal.margin:.3g}", header, rows)
+
+
+def worst_at_tool(proposal: CartesianGainProposal) -> Table:
+    """One row per simulated worst sample."""
+    rows = [
+        [
+            name,
+            *(number(float(x)) for x in (*case.error, case.variation.sum(), case.needed.sum())),
+            case.reason or "ok",
+        ]
+        for name, case in zip(case_names(proposal), proposal.worst, strict=True)
+    ]
+    columns = ("late [m]", "late [rad]", "variation [N·m/s]", "needed [N·m/s]", "")
+    return table("simulated", ("worst sample", *columns), rows)
+
+
+def case_names(proposal: GainProposal | CartesianGainProposal) -> list[str]:
     """Labels of the worst samples."""
+    cases: tuple[Any, ...] = proposal.worst
     return [
         f"{i}: {case.sample.payload:.3g} kg, links x{case.sample.inertia_scale:.3g}"
         + (", noise" if case.noisy else "")
-        for i, case in enumerate(proposal.worst, 1)
+        for i, case in enumerate(cases, 1)
     ]

@@ -80,8 +80,8 @@ class CartesianController(MadeAnew, CartesianControllerBase[CartesianState]):
         limits: `Limits`, or an array-like of torque limits; None for none.
         joint_limits: Whether the arm's velocity and position limits bound the joint accelerations.
         damping: Of J^# near singularities.
-        backend: "numpy" for the readable form, which specifies the others; "pinocchio" for Pinocchio's RNEA with all else
-            compiled around it; "compiled" for a compiled RNEA as well. All are equal to rounding. NumPy does what
+        backend: "numpy" for the readable form, which specifies the others; "pinocchio" for Pinocchio's RNEA with all
+            else compiled around it; "compiled" for a compiled RNEA as well. All are equal to rounding. NumPy does what
             cannot be compiled; the logger "rbimpedance" says so, once.
 
     Raises:

@@ -18,7 +18,7 @@ from ..interaction import EnvironmentLike
 from ..robot.arm_model import ArmModel
 from . import result_file
 from .forces import Forces
-from .run_log import RunLog
+from .run_log import RunLog, settling_time
 from .tool_log import tool_log
 from .verdict import Verdict, growth, verdict_of
 from .violations import Excess, excess
@@ -210,11 +210,7 @@ class SimulationResult(RunLog):
         Args:
             tolerance: Error allowed [rad or m].
         """
-        outside = np.abs(self.e1) > tolerance
-        after_last = len(self.t) - np.argmax(outside[::-1], axis=0)
-        times = np.append(self.t, np.inf)[after_last]
-        settled: Array = np.where(outside.any(axis=0), times, self.t[0])
-        return settled
+        return settling_time(self.t, self.e1, tolerance)
 
     @renamed_arguments(wrench="environment")
     def animate(

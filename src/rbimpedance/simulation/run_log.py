@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from .._common.arrays import Array, BoolArray
 from .tool_log import ToolLog
 
@@ -35,3 +37,18 @@ class RunLog:
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints, in the order of the columns."""
         return tuple(self.provenance["plant"]["joint_names"])
+
+
+def settling_time(t: Array, errors: Array, tolerance: float) -> Array:
+    """Return the first time from which abs(errors) stays within a tolerance, shape (n,) [s]; infinite if never.
+
+    Args:
+        t: Times, shape (N,) [s].
+        errors: Errors, shape (N, n).
+        tolerance: Error allowed.
+    """
+    outside = np.abs(errors) > tolerance
+    after_last = len(t) - np.argmax(outside[::-1], axis=0)
+    times = np.append(t, np.inf)[after_last]
+    settled: Array = np.where(outside.any(axis=0), times, t[0])
+    return settled

@@ -71,10 +71,12 @@ class Verdict:
     Attributes:
         findings: The reasons, the gravest first; none where the run did not fail.
         error: Largest root-mean-square error of any joint in the last quarter of the run [rad or m].
+        tool: That of the tool's translation and rotation [m, rad]; None for a run without `tool`.
     """
 
     findings: tuple[Finding, ...]
     error: float
+    tool: tuple[float, float] | None = None
 
     @property
     def failed(self) -> bool:
@@ -89,21 +91,22 @@ class Verdict:
 
     def __str__(self) -> str:
         if not self.failed:
-            return (
-                f"within its limits; its rms error is {self.error:.2g} rad or m in the last quarter"
-            )
+            size = f"{self.error:.2g} rad or m"
+            if self.tool is not None:
+                size = "{:.2g} m and {:.2g} rad at the tool".format(*self.tool)
+            return f"within its limits; its rms error is {size} in the last quarter"
         return "failed: " + " and ".join(finding.words for finding in self.findings)
 
 
 def verdict_of(result: RunLog) -> Verdict:
     """Return whether a run failed; see `SimulationResult.verdict` for the definition."""
     sizes, start = _errors_by_quarter(result), _end_of_start(result)
-    errors = tuple(_error(result, sizes)) or tuple(_deviation(result)) or tuple(_tool(result))
+    errors = tuple(_tool(result)) or tuple(_error(result, sizes)) or tuple(_deviation(result))
     findings = (
         *(*_divergence(result), *_position(result), *errors, *_effort(result)),
         *(*_saturation(result, start), *_chatter(result, start)),
     )
-    return Verdict(findings, float(sizes[-1].max()))
+    return Verdict(findings, float(sizes[-1].max()), _tool_error(result))
 
 
 def growth(result: RunLog) -> Array:
@@ -165,6 +168,14 @@ def _tool(result: RunLog) -> Iterator[Finding]:
         if not (last <= LARGE["rad"] or last < FALLING * before):  # NaN is large, and does not fall
             words = f"the tool is {error[-1]:.3g} {unit} from its reference, and that does not fall"
             yield Finding("error", "tool", float(result.t[-1]), float(last), words)
+
+
+def _tool_error(result: RunLog) -> tuple[float, float] | None:
+    if result.tool is None:
+        return None
+    late = np.array_split(result.tool.e1, 4)[-1]
+    m, rad = (float(np.sqrt(np.mean(np.sum(late[:, k : k + 3] ** 2, axis=1)))) for k in (0, 3))
+    return m, rad
 
 
 def _deviation(result: RunLog) -> Iterator[Finding]:

@@ -8,7 +8,7 @@ from .motions import MotionMargin as MotionMargin
 from .plant_sample import PlantSample as PlantSample
 from .proposal import GainProposal as GainProposal
 from .proposal import propose_gains as propose_gains
-from .tool_gains import CartesianGainProposal as CartesianGainProposal
+from .tool_proposal import CartesianGainProposal as CartesianGainProposal
 from .torque_demand import TorqueDemand as TorqueDemand
 from .torque_demand import slowed as slowed
 from .uncertainty import Uncertainty as Uncertainty

@@ -8,14 +8,17 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array
+from ..control.cartesian import CartesianController
 from ..control.controller import ImpedanceController
 from ..exceptions import ModelError, ParameterError
+from ..law.cartesian_impedance import CartesianImpedance
+from ..law.damped_inverse import Damping
 from ..law.impedance import Impedance
 from ..law.limits import Limits
 from ..law.super_twisting import SuperTwisting
@@ -23,6 +26,7 @@ from ..law.surfaces import FastTerminalSurface, PowerSurface, Surface
 from ..robot.arm_model import ArmModel
 from .plant_sample import PlantSample, with_body
 from .proposal import GainProposal
+from .tool_proposal import BLOCKS, CartesianGainProposal, law_at_tool
 from .torque_demand import TorqueDemand
 from .uncertainty import Uncertainty
 
@@ -38,9 +42,9 @@ class Gains:
         robot: Name of the arm.
         joint_names: Its joints.
         dt: Control period [s].
-        k1: Gain of the root, shape (nv,).
-        k2: Gain of the integral, shape (nv,).
-        margin: Of the matched scheme, shape (nv,).
+        k1: Gain of the root, shape (nv,); at a frame (3,), for translation, rotation and null space.
+        k2: Gain of the integral, likewise.
+        margin: Of the matched scheme, likewise.
         surface: Sliding surface.
         payload: Mass that the controller's model holds [kg].
         payload_com: Its position, shape (3,) [m].
@@ -50,6 +54,8 @@ class Gains:
         limits: Of the actuators that the gains were made for; None for none.
         uncertainty: What they were made for.
         digest: Of the arm that they were made for; None in files that do not say it.
+        frame: Name of the frame, for gains at the tool; None for gains of the joints.
+        damping: Of the Jacobian's inverse there.
     """
 
     robot: str
@@ -67,6 +73,8 @@ class Gains:
     limits: Limits | None
     uncertainty: Uncertainty
     digest: str | None = None
+    frame: str | None = None
+    damping: Damping | None = None
 
     def outside(self, arm: ArmModel, sample: PlantSample) -> tuple[str, ...]:
         """Return in words what of a task lies outside that for which the gains were made.
@@ -83,39 +91,61 @@ class Gains:
             said += (f"another description of '{arm.name}': {words}",)
         return said
 
+    @overload
     def controller(
         self, arm: ArmModel, impedance: Impedance, *, limits: Limits | ArrayLike | None = None
-    ) -> ImpedanceController:
+    ) -> ImpedanceController: ...
+
+    @overload
+    def controller(
+        self,
+        arm: ArmModel,
+        impedance: CartesianImpedance,
+        *,
+        limits: Limits | ArrayLike | None = None,
+    ) -> CartesianController: ...
+
+    def controller(
+        self,
+        arm: ArmModel,
+        impedance: Impedance | CartesianImpedance,
+        *,
+        limits: Limits | ArrayLike | None = None,
+    ) -> ImpedanceController | CartesianController:
         """Build the controller for an arm as it was modelled, before the payload.
 
         Args:
             arm: The arm.
-            impedance: Target impedance.
+            impedance: Target impedance; a `CartesianImpedance` where the gains are for a frame.
             limits: Of the actuators; those of the file by default, +inf for none.
 
         Raises:
-            ParameterError: The file is for other joints.
+            ParameterError: The file is for other joints, or the impedance is of the joints and the gains of a frame, or
+                the other way round.
         """
         if arm.joint_names != self.joint_names:
             raise ParameterError(
                 "gains", f"for {self.robot}: {', '.join(self.joint_names)}", f"for '{arm.name}'"
             )
         body = (self.payload, self.payload_com, self.payload_gyration, self.payload_frame)
-        model = with_body(arm, *body)
+        model = with_body(arm, *body).with_armature(self.armature)
+        limits = self.limits if limits is None else limits
+        if isinstance(impedance, CartesianImpedance):
+            if self.frame is None:
+                raise ParameterError("gains", "of the joints", "for a frame")
+            return law_at_tool(model, impedance, self, limits=limits)
+        if self.frame is not None:
+            raise ParameterError("gains", f"for the frame '{self.frame}'", "of the joints")
         reaching = SuperTwisting(self.k1, self.k2, "matched", self.margin)
-        return ImpedanceController(
-            model.with_armature(self.armature),
-            impedance,
-            self.surface,
-            reaching,
-            self.dt,
-            limits=self.limits if limits is None else limits,
-        )
+        return ImpedanceController(model, impedance, self.surface, reaching, self.dt, limits=limits)
 
 
-def proposal_data(proposal: GainProposal) -> dict[str, Any]:
+def proposal_data(proposal: GainProposal | CartesianGainProposal) -> dict[str, Any]:
     """Return a proposal as plain JSON data, gains and the numbers behind them."""
-    mismatch, uncertainty = proposal.mismatch, proposal.uncertainty
+    uncertainty = proposal.uncertainty
+    own = (
+        _at_tool(proposal) if isinstance(proposal, CartesianGainProposal) else _of_joints(proposal)
+    )
     data = {
         "format": _FORMAT,
         "robot": proposal.nominal.name,
@@ -123,13 +153,11 @@ def proposal_data(proposal: GainProposal) -> dict[str, Any]:
         "joint_names": proposal.nominal.joint_names,
         "feasible": proposal.feasible,
         "reason": proposal.reason,
-        "joint": proposal.joint,
-        "remedies": proposal.remedies,
         "dt": proposal.dt,
         "scheme": "matched",
         "k1": proposal.k1,
         "k2": proposal.k2,
-        "margin": proposal.margin,
+        "margin": np.broadcast_to(proposal.margin, proposal.k1.shape),
         "surface": {"type": type(proposal.surface).__name__} | _parameters(proposal.surface),
         "model": {
             "payload": proposal.payload,
@@ -138,15 +166,11 @@ def proposal_data(proposal: GainProposal) -> dict[str, Any]:
             "payload_gyration": uncertainty.payload_gyration.mean(),
             "armature": proposal.arm.armature,
         },
-        "bounds": vars(mismatch)
-        | {name: getattr(proposal, name) for name in ("error", "noise_error", "noise_torque")}
-        | {"rho": mismatch.rho, "gain_limit": proposal.gain_limit},
         "limits": None if proposal.limits is None else vars(proposal.limits),
-        "torque": None if proposal.torque is None else _torque(proposal.torque),
         "uncertainty": vars(uncertainty),
         "worst": [_worst(case) for case in proposal.worst],
     }
-    plain: dict[str, Any] = _plain(data)
+    plain: dict[str, Any] = _plain(data | own)
     return plain
 
 
@@ -156,7 +180,34 @@ def _parameters(surface: Surface) -> dict[str, Any]:
     return {name: getattr(surface, name) for name in made_from}
 
 
-def save_gains(proposal: GainProposal, path: str | os.PathLike[str]) -> Path:
+def _of_joints(proposal: GainProposal) -> dict[str, Any]:
+    mismatch = proposal.mismatch
+    return {
+        "joint": proposal.joint,
+        "remedies": proposal.remedies,
+        "bounds": vars(mismatch)
+        | {name: getattr(proposal, name) for name in ("error", "noise_error", "noise_torque")}
+        | {"rho": mismatch.rho, "gain_limit": proposal.gain_limit},
+        "torque": None if proposal.torque is None else _torque(proposal.torque),
+    }
+
+
+def _at_tool(proposal: CartesianGainProposal) -> dict[str, Any]:
+    mismatch = proposal.mismatch
+    return {
+        "frame": proposal.frame,
+        "blocks": BLOCKS,
+        "block": proposal.block,
+        "damping": vars(proposal.damping),
+        "bounds": vars(mismatch)
+        | {name: getattr(proposal, name) for name in ("missed", "error", "noise_error")}
+        | {"rho": mismatch.rho},
+    }
+
+
+def save_gains(
+    proposal: GainProposal | CartesianGainProposal, path: str | os.PathLike[str]
+) -> Path:
     """Write a proposal as JSON, a refused one too.
 
     Args:
@@ -220,6 +271,8 @@ def _gains(data: Mapping[str, Any]) -> Gains:
         limits=_limits(data["limits"]),
         uncertainty=Uncertainty(**data["uncertainty"]),
         digest=data.get("digest"),
+        frame=data.get("frame"),
+        damping=Damping(**data["damping"]) if "damping" in data else None,
     )
 
 

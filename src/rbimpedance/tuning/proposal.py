@@ -30,7 +30,8 @@ from .hardware_proposal import HardwareProposal, propose_for_hardware
 from .mismatch import Mismatch
 from .motions import MotionMargin
 from .remedies import Remedy, Trial, Tried, try_remedies
-from .tool_gains import CartesianGainProposal, propose_at_tool
+from .tool_gains import propose_at_tool
+from .tool_proposal import CartesianGainProposal
 from .torque_demand import TorqueDemand
 from .uncertainty import Uncertainty
 from .worst_case import ExtremeCase, usual_impedance

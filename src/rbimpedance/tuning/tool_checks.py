@@ -165,4 +165,10 @@ def _lateness(check: ToolTask) -> Array:
 
 
 def _limited(check: ToolTask, case: ToolCase) -> str:
-    return at_limits(check.task, case.result) if case.result.saturated.any() else ""
+    """What held the arm back."""
+    words = at_limits(check.task, case.result) if case.result.saturated.any() else ""
+    log = case.result.tool
+    share = 0.0 if log is None else float((log.lost.max(axis=1) > 0.0).mean())
+    if share > 0.0 and check.task.arm.nv >= 6:
+        words += f"; a singularity takes part of its motion for {share:.0%} of the time"
+    return words

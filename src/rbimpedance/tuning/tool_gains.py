@@ -9,21 +9,15 @@ eigenvalues of G: the margin is that of the joint space. The worst plants are th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array
-from .._common.brief import brief_repr
-from ..control.cartesian import CartesianController, Posture
-from ..control.cartesian_defaults import tool_surface
-from ..exceptions import ParameterError
 from ..law.cartesian_impedance import CartesianImpedance
 from ..law.damped_inverse import DampedInverse, Damping, continued_basis
-from ..law.limits import Limits
-from ..law.super_twisting import SuperTwisting
 from ..law.surfaces import FastTerminalSurface
 from ..robot.arm_model import ArmModel
 from ..robot.inverse_kinematics import inverse_kinematics
@@ -36,10 +30,8 @@ from .mismatch import Mismatch, balanced_model, measure, missed_torque
 from .motions import Motion, sample_motions
 from .plant_sample import PlantSample
 from .tool_checks import ToolCase, ToolTask, cases_until_failure
+from .tool_proposal import BLOCKS, CartesianGainProposal
 from .uncertainty import Uncertainty
-
-BLOCKS = ("translation", "rotation", "null space")
-"""What has gains of its own."""
 
 _STEP = 0.01  # of the joint motion that follows the tool's [s]
 _BEYOND = 0.5  # how long the joint motion continues, so that it is not braked where it counts [s]
@@ -57,109 +49,6 @@ class _Blocks(NamedTuple):
         "rad",
         "rad",
     )  # translations count in units of the length
-
-
-@brief_repr("feasible", "reason", "k1", "k2", "margin", "payload")
-@dataclass(frozen=True, eq=False, kw_only=True)
-class CartesianGainProposal:
-    """Gains for a `CartesianController`, or why there are none; arrays are for translation, rotation and null space.
-
-    Attributes:
-        feasible: Whether bounds, the scheme's margins and the simulated worst plants all allow these gains.
-        reason: Why not; empty where feasible.
-        block: One of `BLOCKS` that makes it infeasible, or None.
-        nominal: The arm as it was given.
-        arm: The model that the controller should use.
-        payload: Payload in that model [kg].
-        frame: Name of the frame.
-        dt: Control period [s].
-        damping: Of the Jacobian's inverse.
-        surface: Sliding surface of an angle; `tool_surface` makes that of the tool.
-        k1: Gains of the root, shape (3,).
-        k2: Gains of the integral, shape (3,) [m/s³, rad/s³].
-        margin: Of the matched scheme.
-        missed: Largest acceleration that the model misses, shape (3,) [m/s², rad/s²].
-        error: Error that the scheme leaves, predicted, shape (3,) [m, rad].
-        noise_error: Error caused by sensor noise, shape (3,) [m, rad].
-        mismatch: The bounds in joint space.
-        worst: The simulated worst plants; empty where the bounds alone say no.
-        limits: Of the actuators, which the controller keeps; None for none.
-    """
-
-    feasible: bool
-    reason: str
-    block: str | None
-    nominal: ArmModel
-    arm: ArmModel
-    payload: float
-    frame: str
-    dt: float
-    damping: Damping
-    surface: FastTerminalSurface
-    k1: Array
-    k2: Array
-    margin: float
-    missed: Array
-    error: Array
-    noise_error: Array
-    mismatch: Mismatch
-    worst: tuple[ToolCase, ...]
-    limits: Limits | None
-
-    def controller(
-        self,
-        impedance: CartesianImpedance | None = None,
-        *,
-        posture: ArrayLike | None = None,
-        limits: Limits | ArrayLike | None = None,
-        **options: Any,
-    ) -> CartesianController:
-        """Build the controller that was proposed.
-
-        Args:
-            impedance: Target impedance; the controller's default by default.
-            posture: Configuration for the null space, shape (nq,); that of the first tick by default.
-            limits: Of the actuators; those of the proposal by default, +inf for none.
-            **options: Others of `CartesianController`: joint_limits.
-
-        Raises:
-            ParameterError: The proposal is not feasible.
-        """
-        if not self.feasible:
-            raise ParameterError("proposal", self.reason, "feasible")
-        k1, k2, margin = self.k1, self.k2, self.margin
-        six = SuperTwisting(np.repeat(k1[:2], 3), np.repeat(k2[:2], 3), "matched", margin)
-        null = SuperTwisting(float(k1[2]), float(k2[2]), "matched", margin)
-        return CartesianController(
-            self.arm,
-            impedance,
-            tool_surface(self.surface, self.damping.length),
-            six,
-            self.dt,
-            frame=self.frame,
-            posture=Posture(posture, self.surface, null),
-            damping=self.damping,
-            limits=self.limits if limits is None else limits,
-            **options,
-        )
-
-    def explain(self) -> str:
-        """Explain the proposal, or why it is infeasible."""
-        if not self.feasible:
-            return f"No gains: {self.reason}."
-        gains = f"{self.mismatch.gain_low:.2g} to {self.mismatch.gain_high:.2g}"
-        error = self.error + self.noise_error
-        return (
-            f"The controller's model holds {self.payload:.3g} kg. A plant answers with {gains} times the acceleration "
-            f"that the model expects; margin {self.margin:.3g} tolerates that at dt = {self.dt:g} s. The model misses "
-            f"up to {self.missed[0]:.3g} m/s² and {self.missed[1]:.3g} rad/s². The error that is left is about "
-            f"{error[0]:.2g} m and {error[1]:.2g} rad{self._explain_simulated()}."
-        )
-
-    def _explain_simulated(self) -> str:
-        """The largest error of the simulated plants without noise."""
-        m, rad = np.max([case.error for case in self.worst if not case.noisy], axis=0)
-        return f", in simulation of the worst plants {m:.2g} m and {rad:.2g} rad"
 
 
 def propose_at_tool(
@@ -215,14 +104,9 @@ def propose_at_tool(
     plants = uncertainty.sample(arm, task.samples, seed=task.seed)
     joints = measure(model, plants, motions, dt)
     blocks = _projected(model, plants, motions, joints, _Projection(kinematics, damping, dt))
-    measured = Measured(model, payload, plants, blocks)
     projected = _for_blocks(task, motions, kinematics, damping)
-    return _checked(
-        _Tool(task, projected, trajectory, q, kinematics.frame, damping),
-        measured,
-        joints,
-        impedance,
-    )
+    tool = _Tool(task, projected, trajectory, q, frame, damping)
+    return _checked(tool, Measured(model, payload, plants, blocks), joints, impedance)
 
 
 class _Tool(NamedTuple):
@@ -375,7 +259,7 @@ def _for_blocks(
         "velocity_noise": factor * uncertainty.velocity_noise,
     }
     blocks = cast("ArmModel", _Blocks(3, BLOCKS, np.full(3, np.inf)))
-    return replace(task, arm=blocks, uncertainty=uncertainty.but(**noise))
+    return replace(task, arm=blocks, uncertainty=uncertainty.but(**noise), limits=None)
 
 
 def _proposal(
@@ -401,6 +285,7 @@ def _proposal(
         nominal=task.arm,
         arm=found.measured.model,
         payload=found.measured.payload,
+        uncertainty=task.uncertainty,
         frame=tool.frame,
         dt=task.dt,
         damping=damping,

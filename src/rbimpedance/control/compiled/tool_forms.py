@@ -31,7 +31,7 @@ from ..cartesian_telemetry import CartesianState
 from ..cartesian_tick import CartesianLaw
 from .tool_block import FIXED, POSE, SIX, TAU, PackedToolOutput, PackedToolState
 from .tool_joints import EXCEEDED, allocate, put_torque
-from .tool_tables import WORDS, ToolScratch, ToolWords, tool_words
+from .tool_tables import WORDS, ToolScratch, tool_words
 from .tool_tick import ToolInputs, are_sound, command, finish
 
 _OWN = Held(WORDS)

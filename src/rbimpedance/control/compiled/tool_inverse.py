@@ -1,7 +1,7 @@
 """Inverse of the Jacobian and null space in compiled code; `law.damped_inverse` specifies them.
 
-Where no direction is damped, σ ≥ σ₀, the inverse is AᵀG⁻¹ with G = A·Aᵀ by Cholesky; that this is so shows the factor of
-G - σ₀²·I. Otherwise one-sided Jacobi rotations find the directions: rows of Uᵀ·A that are orthogonal have the singular
+Where no direction is damped, σ ≥ σ₀, the inverse is AᵀG⁻¹ with G = A·Aᵀ by Cholesky; that this is so shows the factor
+of G - σ₀²·I. Otherwise one-sided Jacobi rotations find the directions: rows of Uᵀ·A that are orthogonal have the singular
 values as their lengths (G. H. Golub, C. F. Van Loan, Matrix Computations, 4th ed., section 8.6.3).
 """
 

@@ -38,7 +38,6 @@ from ...robot.compiled.tables import ArmTables
 from ..cartesian_tick import LOST_DAMPING, LOST_STIFFNESS
 from .law import TickInputs, _add_column
 from .tick import is_sound
-from .tool_block import ACCELERATION as JOINT_ACCELERATION
 from .tool_block import (
     A_R,
     AXES,
@@ -61,11 +60,11 @@ from .tool_block import (
     XI_RATE,
     XI_RATE_BEFORE,
 )
+from .tool_block import ACCELERATION as JOINT_ACCELERATION
 from .tool_inverse import fill_lost, invert, lost_shares
 from .tool_joints import keep_joint_limits, put_flags
 from .tool_null import move_null_space, posture_error
 from .tool_sliding import slide_at_tool, slide_in_null, stop_at_tool, stop_in_null
-from .tool_tables import LENGTH as NUMBER_LENGTH
 from .tool_tables import (
     ACCELERATION,
     ASKED,
@@ -81,12 +80,13 @@ from .tool_tables import (
     VELOCITY,
     WANTED,
     WITHHELD,
-    Y,
     Y_NULL,
     ToolScratch,
     ToolTables,
     ToolWords,
+    Y,
 )
+from .tool_tables import LENGTH as NUMBER_LENGTH
 
 _at, _pulled_back, _rotation_error = helper(at), helper(pulled_back), helper(rotation_error)
 _in_constant_axes = helper(reference_in_constant_axes)

@@ -64,9 +64,15 @@ def draw_cells(axes: Axes, texts: NDArray[np.str_], is_dark: BoolArray, fontsize
         axes.text(k, i, str(text), ha="center", va="center", color=color, fontsize=fontsize)
 
 
-def draw_channels(axes: Axes, result: SimulationResult, values: Array, label: str) -> None:
-    """One line per joint, with a legend next to the axes."""
-    for name, line in zip(result.joint_names, values.T, strict=True):
+def draw_channels(
+    axes: Axes,
+    result: SimulationResult,
+    values: Array,
+    label: str,
+    names: Sequence[str] | None = None,
+) -> None:
+    """One line per joint, or per column that is named, with a legend next to the axes."""
+    for name, line in zip(names or result.joint_names, values.T, strict=True):
         axes.plot(result.t, line, label=name)
     axes.set_ylabel(label)
     axes.margins(x=0.0)
