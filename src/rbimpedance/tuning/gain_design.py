@@ -301,6 +301,13 @@ def _checked_design(task: DesignTask, found: Design) -> Design:
             f"{task.dt:g} s no margin up to {LARGEST_MARGIN:g} tolerates that"
         )
         return replace(found, joint=joint, reason=reason)
+    coupling = found.measured.coupling
+    if coupling is not None and coupling.least <= 0.0:
+        reason = (
+            f"joint '{names[coupling.joint]}' can answer its own torque the wrong way round: with "
+            f"{coupling.least:.2g} times the acceleration that the model expects, while the other joints are free"
+        )
+        return replace(found, joint=coupling.joint, reason=reason)
     joint = int(np.argmax(found.error + found.noise_error))
     unit = units[joint]
     if found.error[joint] + found.noise_error[joint] > task.accuracy:
