@@ -14,6 +14,7 @@ from rbimpedance.control.estimation import (
 )
 from rbimpedance.control.estimation.differentiator import implicit_correction
 from rbimpedance.control.estimation.extended_state import correction
+from rbimpedance.control.estimation.friction_learning import Expectation
 
 from ..arms import pendulum, spinner
 
@@ -94,10 +95,76 @@ def test_friction_is_learned_from_the_disturbance_that_it_leaves() -> None:
         truth = 1.5 * np.tanh(v / 0.02) + 0.8 * v + 0.3
         late[0] = late[0] + share * (truth - late[0])
         late[1] = late[1] + share * (late[0] - late[1])
-        filtered = state.parameters * state.regressors[3:]
-        state = learner.step(state, v, filtered.sum(axis=0) - late[1], omega)
-    assert state.parameters[:, 0] == pytest.approx([1.5, 0.8, 0.3], abs=0.05)
+        state = learner.step(state, v, -late[1], omega)
+    assert state.parameters[:3, 0] == pytest.approx([1.5, 0.8, 0.3], abs=0.05)
     assert learner.torque(state, np.array([0.3])) == pytest.approx(1.5 + 0.24 + 0.3, abs=0.05)
+
+
+def test_load_and_friction_are_distinguished_in_a_motion_that_never_reverses() -> None:
+    """Three joints in one direction: gravity of one kilogram acts on two of them; friction alone could explain it."""
+    expected = Expectation(
+        np.tile([[1.0], [0.5], [0.0], [0.0], [0.0]], 3),
+        np.tile([[1.0], [0.5], [0.15], [0.05], [1.0]], 3),
+    )
+    learner, omega = FrictionLearner(3, H, expected=expected), np.full(3, 60.0)
+    state, dry, load = learner.init(), np.array([1.5, 0.5, 2.0]), 0.8
+    late, share = np.zeros((2, 3)), -np.expm1(-omega / 1.5 * H)
+    for k in range(3000):
+        v = np.array([0.3, 0.2, 0.1]) * np.sin(k * H)
+        loads = np.array([[5.0, 3.0, 0.0], [8.0 * np.cos(k * H), 3.0, 0.0]])
+        truth = dry * np.tanh(v / 0.02) + 0.5 * v + load * loads[1]
+        late[0] += share * (truth - late[0])
+        late[1] += share * (late[0] - late[1])
+        state = learner.step(state, v, -late[1], omega, np.zeros(3), loads)
+    assert state.parameters[4] == pytest.approx(load, abs=0.1)
+    assert state.parameters[0] == pytest.approx(dry, abs=0.3)
+    assert np.ptp(state.parameters[4]) == 0.0
+
+
+def test_joint_at_rest_teaches_nothing_and_forgets_nothing() -> None:
+    learner = FrictionLearner(1, H)
+    state = learner.init()
+    for _ in range(1000):
+        state = learner.step(state, np.array([0.2]), np.array([-1.0]), np.array([60.0]))
+    known = state.parameters
+    for _ in range(1000):
+        state = learner.step(state, np.zeros(1), np.array([3.0]), np.array([60.0]))
+    assert state.parameters == pytest.approx(known, abs=1e-12)
+
+
+def test_least_squares_are_those_of_the_whole_system() -> None:
+    """Elimination joint by joint against one dense solve of all parameters."""
+    rng, nv = np.random.default_rng(3), 3
+    learner = FrictionLearner(nv, H, memory=0.05, stribeck=0.3)
+    state, omega = learner.init(), np.full(nv, 80.0)
+    for _ in range(200):
+        v, d, fed = rng.normal(size=(3, nv))
+        state = learner.step(state, v, d, omega, fed, rng.normal(size=(2, nv)))
+    size = 3 * nv + 2
+    matrix, right = np.zeros((size, size)), np.zeros(size)
+    for j in range(nv):
+        own = [3 * j, 3 * j + 1, 3 * j + 2, size - 2, size - 1]
+        upper = np.zeros((5, 6))
+        upper[np.triu_indices(5, 0, 6)] = (state.normal + learner.equations)[:, j]
+        matrix[np.ix_(own, own)] += upper[:, :5] + np.triu(upper[:, :5], 1).T
+        right[own] += upper[:, 5]
+    matrix[[-2, -1], [-2, -1]] += learner.shared_weights
+    theta = np.linalg.solve(matrix, right)
+    assert state.parameters[3:, 0] == pytest.approx(theta[-2:], rel=1e-8, abs=1e-12)
+    found = theta[:-2].reshape(nv, 3).T
+    assert state.parameters[:2] == pytest.approx(np.maximum(found[:2], 0.0), rel=1e-8)
+    assert state.parameters[2] == pytest.approx(found[2], rel=1e-8)
+
+
+def test_gate_opens_at_an_error_that_no_count_shows() -> None:
+    gate = NoiseGate(10.0, 60.0, 1e-5, H, accuracy=1e-3)
+    state = gate.init()
+    for _ in range(200):
+        state = gate.step(state, np.zeros(1), np.array([0.9e-3]))
+    assert state.opening == 0.0
+    for _ in range(200):
+        state = gate.step(state, np.zeros(1), np.array([-2e-3]))
+    assert gate.bandwidth(state) == pytest.approx(60.0, rel=1e-3)
 
 
 def test_differentiator_is_exact_where_the_acceleration_is_bounded() -> None:

@@ -37,7 +37,7 @@ def test_compiled_tick_is_the_readable_one(delay: int) -> None:
     arm = spinner()
     forms = [controller(arm, HARDWARE.but(delay=delay), backend=b) for b in ("compiled", "numpy")]
     states = [law.init() for law in forms]
-    for k in range(250):
+    for k in range(300):
         ticks = [law.step(state, *inputs(arm, k)) for law, state in zip(forms, states, strict=True)]
         states = [state for _, state in ticks]
         for one, other in zip(ticks[0][0], ticks[1][0], strict=True):
@@ -51,7 +51,7 @@ def test_realtime_tick_is_that_of_the_steps() -> None:
     for backend in ("compiled", "numpy"):
         law = controller(spinner(), HARDWARE.but(delay=2), backend=backend)
         state, fast = law.init(), law.realtime()
-        for k in range(150):
+        for k in range(250):
             output, state = law.step(state, *inputs(law.arm, k))
             torque = fast.torque(*inputs(law.arm, k))
             assert torque == pytest.approx(output.tau, rel=1e-11, abs=1e-11)
@@ -76,7 +76,7 @@ def loop(law: Any, hardware: rbi.Hardware, **more: Any) -> Any:
     settings: dict[str, Any] = {
         "environment": rbi.interaction.Push([0, 5.0, 0, 0, 0, 0], start=0.1, duration=0.1),
         "q0": arm.integrate(arm.neutral, 0.02 * np.ones(arm.nv)),
-        "duration": 0.3,
+        "duration": 0.4,
         "substeps": 2,
         "integrator": "semi-implicit",
     }
@@ -96,7 +96,7 @@ def test_compiled_loop_is_the_readable_one() -> None:
         parts.trajectory,
         environment=parts.environment,
         q0=parts.q,
-        duration=0.3,
+        duration=0.4,
         substeps=2,
     )
     for name in ("q", "v", "q_r", "e1", "tau", "tau_ext", "e_im"):

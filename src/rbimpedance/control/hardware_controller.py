@@ -22,7 +22,7 @@ from .baseline_law import Baseline, BaselineTorque, baseline_output
 from .default_gains import default_impedance
 from .errors import Tracking, track
 from .estimation import Estimate, ExtendedStateObserver, FrictionLearner, NoiseGate
-from .estimation.friction_learning import FrictionState
+from .estimation.friction_learning import Expectation, FrictionState, nothing_known
 from .hardware_forms import PlainForm, hardware_form
 from .hardware_state import HardwareState
 from .protocol import Measured, checked_period
@@ -35,7 +35,7 @@ OBSERVER_RATIO = 3.0
 HardwareBackend: TypeAlias = Literal["numpy", "compiled"]
 """Who computes a tick."""
 
-LEARNING_STARTS = 100
+LEARNING_STARTS = 200
 """Ticks before friction is learned: the observer settles first."""
 
 
@@ -64,9 +64,10 @@ class HardwareController(MadeAnew, Baseline[HardwareState]):
         s = e2 + ω·e1,    tau = M(q)·{a_r + (ω·e2 + u)/(1 + ω·h/2)} + bias(q, v) - tau_ext - d + friction
 
     with ω the bandwidth, u the super-twisting term (`reaching_term`), d the observer's disturbance, which takes the
-    place of its integral, and the learned friction at the speed of the reference. A `NoiseGate` keeps ω low as long as
-    counting explains what the encoders show. The velocity that `step` is given is not used, and e1 and e2 of its output
-    are those that the law sees.
+    place of its integral, and the learned friction at the speed of the reference when the torque will act; friction
+    stands for what is learned of the load, too (`FrictionLearner`). A `NoiseGate` keeps ω low as long as counting
+    explains what the encoders show and the error is small. The velocity that `step` is given is not used, and e1 and
+    e2 of its output are those that the law sees.
 
     Attributes:
         arm: The controller's model of the arm.
@@ -75,7 +76,10 @@ class HardwareController(MadeAnew, Baseline[HardwareState]):
         bandwidths: Of the loop, quiet and alert; `propose_gains(..., hardware=...)` computes them.
         dt: Control period [s].
         k2: Acceleration up to which the reaching term is linear, shape (nv,) [rad/s² or m/s²].
-        learns_friction: Whether friction is learned; not for joints with springs.
+        learns_friction: Whether friction and load are learned; not for joints with springs.
+        accuracy: Error at which the gate begins to open, shape (nv,); infinite for never [rad or m].
+        expected: What is known of friction and load beforehand.
+        load: The model with one more kilogram where the arm carries its load; at the tool frame by default.
         limits: Limits of the torque; the hardware's `torque_rate` is one.
         backend: "compiled"; or "numpy" for the readable form, which specifies it, and which computes the ticks at which
             a limit is exceeded, and what has no compiled form.
@@ -89,6 +93,9 @@ class HardwareController(MadeAnew, Baseline[HardwareState]):
     bandwidths: Bandwidths
     k2: Array
     learns_friction: bool
+    accuracy: Array
+    expected: Expectation
+    load: ArmModel
     limits: Limits | None
     backend: HardwareBackend
     observer: ExtendedStateObserver
@@ -107,6 +114,9 @@ class HardwareController(MadeAnew, Baseline[HardwareState]):
         dt: float = 1e-3,
         k2: ArrayLike = 1e4,
         learns_friction: bool = True,
+        accuracy: ArrayLike = np.inf,
+        expected: Expectation | None = None,
+        load: ArmModel | None = None,
         limits: Limits | ArrayLike | None = None,
         backend: HardwareBackend = "compiled",
     ) -> None:
@@ -123,22 +133,38 @@ class HardwareController(MadeAnew, Baseline[HardwareState]):
             bandwidths=Bandwidths(quiet, alert),
             k2=per_joint("k2", positive("k2", k2), arm.nv),
             learns_friction=bool(learns_friction),
+            accuracy=per_joint("accuracy", _positive_or_infinite("accuracy", accuracy), arm.nv),
+            expected=nothing_known(arm.nv) if expected is None else expected,
+            load=arm.with_payload(1.0) if load is None else load,
             limits=_with_rate(as_limits(limits), hardware),
             backend=backend,
-            observer=ExtendedStateObserver(
-                arm, OBSERVER_RATIO * quiet, dt, lag=hardware.lag(arm), delay=hardware.delay
-            ),
-            gate=NoiseGate(quiet, alert, hardware.count(arm), dt, OBSERVER_RATIO),
-            learner=FrictionLearner(arm.nv, dt),
         )
         if self.limits is not None:
             self.limits.check(arm.nv)
-
+        self._make_estimators()
         self._make()
+
+    def _make_estimators(self) -> None:
+        arm, dt, hardware = self.arm, self.dt, self.hardware
+        (quiet, alert), count = self.bandwidths, hardware.count(arm)
+        expected = self.expected if self.learns_friction else nothing_known(arm.nv)
+        set_fields(
+            self,
+            observer=ExtendedStateObserver(
+                arm, OBSERVER_RATIO * quiet, dt, lag=hardware.lag(arm), delay=hardware.delay
+            ),
+            gate=NoiseGate(quiet, alert, count, dt, OBSERVER_RATIO, accuracy=self.accuracy),
+            learner=FrictionLearner(arm.nv, dt, stribeck=hardware.stribeck, expected=expected),
+        )
 
     def _make(self) -> None:
         form = hardware_form(self) if self.backend == "compiled" else PlainForm()
         set_fields(self, _form=form)
+
+    @property
+    def lead(self) -> Array:
+        """Time from a tick to its torque, shape (nv,): as far ahead of it friction is fed forward [s]."""
+        return self.hardware.delay_bound(self.arm, self.dt)
 
     @property
     def learning_starts(self) -> float:
@@ -179,12 +205,18 @@ class HardwareController(MadeAnew, Baseline[HardwareState]):
         tick = track(self.arm, self._filter, q_e, v_e, given)
         state = state if state.ticks else self._started(state, tick.q)
         innovation = self.observer.innovation(state.observer, tick.q)
-        gate = self.gate.step(state.gate, innovation)
+        error = self.arm.raw_dynamics.difference(state.observer.q, tick.q_r)
+        gate = self.gate.step(state.gate, innovation, error)
         bandwidth = self.gate.bandwidth(gate)
         estimate = self.observer.correct(state.observer, innovation, OBSERVER_RATIO * bandwidth)
-        friction = self.learner.torque(state.friction, tick.v_r)
+        v_f, loads = tick.v_r + self.lead * tick.a_r, self._loads(tick, estimate)
+        friction = self.learner.torque(state.friction, v_f, loads)
         output = self._output(state, tick, estimate, bandwidth, friction)
-        learned, moved = self._learned(state, tick, estimate, OBSERVER_RATIO * bandwidth)
+        learned, moved = state.friction, np.zeros(self.arm.nv)
+        if state.ticks > self.learning_starts:
+            learned, moved = self._learned(
+                state, estimate, OBSERVER_RATIO * bandwidth, friction, v_f, loads
+            )
         expected = self.observer.predict(estimate, output.tau, tick.tau_ext - friction)
         expected = expected._replace(disturbance=expected.disturbance + moved)
         after = self._filter_after(state.filter, tick.tau_ext)
@@ -256,16 +288,27 @@ class HardwareController(MadeAnew, Baseline[HardwareState]):
         then = self.observer.reference_ahead(Reference(tick.q_r, tick.v_r, tick.a_r))
         return self.arm.raw_dynamics.difference(q, then.q), then.v - v
 
+    def _loads(self, tick: Tracking, estimate: Estimate) -> Array:
+        """Torque of the model along the reference, and of one more kilogram, shape (2, nv)."""
+        state = estimate.state
+        model = estimate.M @ tick.a_r + estimate.bias
+        heavier = self.load.raw_dynamics.inverse_dynamics(state.q, state.v, tick.a_r)
+        return np.stack([model, heavier - model])
+
     def _learned(
-        self, state: HardwareState, tick: Tracking, estimate: Estimate, bandwidth: Array
+        self,
+        state: HardwareState,
+        estimate: Estimate,
+        bandwidth: Array,
+        fed: Array,
+        v_f: Array,
+        loads: Array,
     ) -> tuple[FrictionState, Array]:
-        """What is known of the friction after the tick, and what of the disturbance moves there."""
-        before = state.friction
-        if state.ticks <= self.learning_starts:
-            return before, np.zeros(self.arm.nv)
+        """What is known of friction and load after the tick, and what of the disturbance moves there."""
         seen = estimate.state
-        after = self.learner.step(before, seen.v, seen.disturbance, bandwidth)
-        return after, self.learner.torque(after, tick.v_r) - self.learner.torque(before, tick.v_r)
+        after = self.learner.step(state.friction, seen.v, seen.disturbance, bandwidth, fed, loads)
+        moved = self.learner.torque(after, v_f, loads) - fed
+        return after.shifted(moved), moved
 
 
 def _with_rate(limits: Limits | None, hardware: Hardware) -> Limits | None:
@@ -274,3 +317,10 @@ def _with_rate(limits: Limits | None, hardware: Hardware) -> Limits | None:
         return limits
     own = Limits() if limits is None else limits
     return Limits(own.effort, np.minimum(own.rate, hardware.torque_rate))
+
+
+def _positive_or_infinite(name: str, value: ArrayLike) -> Array:
+    """Positive numbers, of which some may be infinite."""
+    array = np.array(value, dtype=np.float64)
+    positive(name, np.where(np.isposinf(array), 1.0, array))
+    return array

@@ -60,7 +60,8 @@ def hardware_form(controller: Any) -> PlainForm:
 
     arm = controller.arm
     try:
-        tables = hardware_tables(controller, CompiledDynamics(arm).tables)
+        own, load = (CompiledDynamics(each).tables for each in (arm, controller.load))
+        tables = hardware_tables(controller, own, load)
     except UnsupportedJointError as error:
         warn_once(f"the dynamics of '{arm.name}' are left to Pinocchio and NumPy: {error}")
         return PlainForm()

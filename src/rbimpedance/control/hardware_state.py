@@ -15,10 +15,10 @@ from .estimation.noise_gate import GateState
 # Rows of `HardwareState.rows`.
 V, DISTURBANCE, TORQUE = 0, 1, 2
 OPENING, INNOVATION = 3, 4
-PARAMETERS, COVARIANCE, REGRESSORS = 5, 8, 14  # 3, 6 and 6 rows
-Q_E, V_E, TAU_EXT, Q_E_BEFORE, V_E_BEFORE = range(20, 25)
-TAU = 25
-ROWS = 26
+PARAMETERS, NORMAL, REGRESSORS = 5, 10, 30  # 5, 20 and 12 rows
+Q_E, V_E, TAU_EXT, Q_E_BEFORE, V_E_BEFORE = range(42, 47)
+TAU = 47
+ROWS = 48
 
 
 class HardwareState(NamedTuple):
@@ -78,10 +78,10 @@ class HardwareState(NamedTuple):
 
     @property
     def friction(self) -> FrictionState:
-        """What has been learned of the friction."""
+        """What has been learned of friction and load."""
         return FrictionState(
-            self.rows[PARAMETERS:COVARIANCE],
-            self.rows[COVARIANCE:REGRESSORS],
+            self.rows[PARAMETERS:NORMAL],
+            self.rows[NORMAL:REGRESSORS],
             self.rows[REGRESSORS:Q_E],
         )
 

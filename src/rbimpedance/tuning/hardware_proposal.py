@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from .._common.arrays import Array
 from .._common.brief import brief_repr
+from ..control.estimation.friction_learning import TERMS, Expectation
 from ..control.hardware_controller import HardwareController
 from ..exceptions import DivergenceError, ParameterError
 from ..law.impedance import Impedance
@@ -27,7 +28,7 @@ from .hardware_bandwidths import (
     bandwidths,
     variation_of_motion,
 )
-from .plant_sample import PlantSample
+from .plant_sample import PlantSample, with_body
 from .worst_case import true_error, usual_impedance
 
 BEST = 2e-3
@@ -36,8 +37,15 @@ BEST = 2e-3
 LOUDEST = 2.5
 """A torque that varies by more than this times what the motion needs, and by 2 N·m/s more, is too loud."""
 
+GATE_SHARE = 0.5
+"""Share of the accuracy at which the bandwidth is raised,"""
+
+GATE_COUNTS = 42.0
+"""and counts of error from which on it is, where these are more."""
+
 _FLOOR = 2.0  # N·m/s
 _JUMP_TARGET = 0.35  # of the accuracy: a jump comes on top of the rest
+_CONSTANT = 0.15  # N·m that neither load nor friction explains
 _LEAST_FRICTION = 0.5  # N·m that a joint is prepared for where none is stated
 _K2_OVER_MISMATCH = 60.0  # reversals stay in the linear zone of the reaching term
 _LATE = 0.4  # share of the run after which errors and variation are taken
@@ -75,6 +83,9 @@ class HardwareProposal:
         bandwidths: Of the loop, and what bounds them on every joint.
         demand: What they follow from.
         k2: Acceleration up to which the reaching term is linear [rad/s² or m/s²].
+        accuracy: Error at which the bandwidth is raised [rad or m].
+        expected: What is known of friction and load beforehand.
+        load: The model with one more kilogram where the payload is.
         runs: The simulated worst samples.
         limits: Of the actuators; None for none.
     """
@@ -90,6 +101,9 @@ class HardwareProposal:
     bandwidths: HardwareBandwidths
     demand: HardwareDemand
     k2: Array
+    accuracy: Array
+    expected: Expectation
+    load: ArmModel
     runs: tuple[HardwareRun, ...]
     limits: Limits | None
 
@@ -229,9 +243,28 @@ def _designed(
         bandwidths=bandwidths(demand),
         demand=demand,
         k2=_K2_OVER_MISMATCH * (mismatch.torque + friction) / mismatch.inertia,
+        accuracy=np.maximum(GATE_SHARE * accuracy, GATE_COUNTS * hardware.count(arm)),
+        expected=_expected(task),
+        load=with_body(
+            arm, 1.0, task.uncertainty.payload_com.mean(axis=0), 0.0, task.uncertainty.payload_frame
+        ),
         runs=(),
         limits=task.limits,
     )
+
+
+def _expected(task: DesignTask) -> Expectation:
+    """Friction and load in the middle of their ranges, half of which is a standard deviation."""
+    unknown, nv = task.uncertainty, task.arm.nv
+    mean, deviation = np.zeros((2, TERMS, nv))
+    for i, (low, high) in enumerate((unknown.coulomb, unknown.viscous)):
+        mean[i], deviation[i] = (low + high) / 2.0, np.maximum((high - low) / 2.0, _LEAST_FRICTION)
+    deviation[2] = _CONSTANT
+    low, high = unknown.inertia_scale
+    deviation[3] = max((high - low) / 2.0, 1e-3)
+    low, high = unknown.payload
+    deviation[4] = max((high - low) / 2.0, 1e-3)
+    return Expectation(mean, deviation)
 
 
 def _controller(
@@ -245,6 +278,9 @@ def _controller(
         dt=proposal.dt,
         k2=proposal.k2,
         learns_friction=not proposal.hardware.is_elastic,
+        accuracy=proposal.accuracy,
+        expected=proposal.expected,
+        load=proposal.load,
         limits=limits,
     )
 

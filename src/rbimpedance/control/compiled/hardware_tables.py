@@ -9,12 +9,14 @@ import numpy as np
 from ..._common.arrays import Array
 from ...law.impedance import ImpedanceFilter
 from ...robot.compiled.tables import ArmTables, Workspace, workspace
+from ..estimation.friction_learning import PACKED
 
 # Rows of `HardwareTables.joints`.
-QUIET, ALERT, THRESHOLD, FALLS, DECAY, MEAN, K2, EFFORT, TORQUE_STEP = range(9)
+QUIET, ALERT, THRESHOLD, ACCURACY, FALLS, DECAY, MEAN, K2, LEAD, EFFORT, TORQUE_STEP = range(11)
+EXPECTED = 11  # 20 rows
 
 # Entries of `HardwareTables.numbers`.
-DT, RATIO, FORGETTING, STARTS = range(4)  # the last: ticks before friction is learned
+DT, RATIO, FORGOTTEN, STARTS, STRIBECK, SCALE_WEIGHT, LOAD_WEIGHT = range(7)
 
 # Rows of `TickOutput.rows`.
 OUT_TAU, OUT_V_R, OUT_A_R, OUT_E1, OUT_E2, OUT_S, OUT_U, OUT_Q_E, OUT_V_E = range(9)
@@ -26,12 +28,15 @@ class HardwareTables(NamedTuple):
 
     Attributes:
         arm: Its arm.
-        joints: What there is of every joint, shape (9, nv).
+        load: The same with one more kilogram.
+        joints: What there is of every joint, shape (31, nv).
         filter: What takes (q_e, v_e, tau_ext) to a_e and the next q_e and v_e, one row a joint, shape (nv, 9).
-        numbers: Period, ratio of bandwidths, forgetting, and when learning starts, shape (4,).
+        numbers: Period, ratio of bandwidths, share that is forgotten, ticks before friction is learned, rise of
+            friction at rest, weights of what is expected of scale and load, shape (7,).
     """
 
     arm: ArmTables
+    load: ArmTables
     joints: Array
     filter: Array
     numbers: Array
@@ -59,13 +64,16 @@ class TickSpace(NamedTuple):
     M: Array
     factor: Array
     rows: Array
+    normal: Array
     q: Array
 
 
 def tick_space(nq: int, nv: int) -> TickSpace:
     """Return work space for arms of this size."""
     M, factor = np.zeros((2, nv, nv))
-    return TickSpace(workspace(nv), M, factor, np.zeros((8, nv)), np.zeros(nq))
+    return TickSpace(
+        workspace(nv), M, factor, np.zeros((10, nv)), np.zeros((PACKED, nv)), np.zeros(nq)
+    )
 
 
 def tick_output(nq: int, nv: int) -> TickOutput:
@@ -73,12 +81,13 @@ def tick_output(nq: int, nv: int) -> TickOutput:
     return TickOutput(np.empty((OUT_ROWS, nv)), np.empty(nq))
 
 
-def hardware_tables(controller: Any, arm: ArmTables) -> HardwareTables | None:
+def hardware_tables(controller: Any, arm: ArmTables, load: ArmTables) -> HardwareTables | None:
     """Return a controller as tables; None where its filter couples the joints, or is not linear.
 
     Args:
         controller: A `HardwareController`.
         arm: Tables of its arm.
+        load: Tables of that with one more kilogram.
     """
     target, nv = controller._filter, controller.arm.nv
     if type(target) is not ImpedanceFilter:
@@ -88,14 +97,21 @@ def hardware_tables(controller: Any, arm: ArmTables) -> HardwareTables | None:
     if np.count_nonzero(maps) != np.count_nonzero(diagonal):
         return None
     gate, lag, limits = controller.gate, controller.observer._lag, controller.limits
+    learner = controller.learner
     none = np.full(nv, np.inf)
     effort, step = (none, none) if limits is None else (limits.effort, limits.rate * controller.dt)
     joints = np.array(
         [
-            *(gate.low, gate.high, gate.threshold, gate.falls, *lag, controller.k2),
+            *(gate.low, gate.high, gate.threshold, gate.accuracy, gate.falls, *lag),
+            *(controller.k2, controller.lead),
             *(np.broadcast_to(effort, nv), np.broadcast_to(step, nv)),
+            *learner.equations,
         ]
     )
-    starts = controller.learning_starts
-    numbers = np.array([controller.dt, gate.ratio, controller.learner.forgetting, starts])
-    return HardwareTables(arm, joints, np.ascontiguousarray(diagonal.reshape(nv, 9)), numbers)
+    numbers = np.array(
+        [
+            *(controller.dt, gate.ratio, learner.forgotten, controller.learning_starts),
+            *(learner.stribeck, *learner.shared_weights),
+        ]
+    )
+    return HardwareTables(arm, load, joints, np.ascontiguousarray(diagonal.reshape(nv, 9)), numbers)

@@ -12,12 +12,12 @@ from ...law.lag import lagged as lagged_formula
 from ...robot.compiled import rigid_body
 from ...robot.compiled.rigid_body import friction, place_joints
 from ..estimation import extended_state, friction_learning, noise_gate
-from ..estimation.friction_learning import REFERENCE_SMOOTHING
+from ..estimation.friction_learning import OWN, PACKED, REFERENCE_SMOOTHING, SMOOTHING, TERMS
 from ..estimation.noise_gate import OPENING as RISES
 from ..hardware_state import (
-    COVARIANCE,
     DISTURBANCE,
     INNOVATION,
+    NORMAL,
     OPENING,
     PARAMETERS,
     Q_E,
@@ -31,13 +31,17 @@ from ..hardware_state import (
     V,
 )
 from .hardware_tables import (
+    ACCURACY,
     ALERT,
     DECAY,
     DT,
     EFFORT,
+    EXPECTED,
     FALLS,
-    FORGETTING,
+    FORGOTTEN,
     K2,
+    LEAD,
+    LOAD_WEIGHT,
     MEAN,
     OUT_A_R,
     OUT_E1,
@@ -50,7 +54,9 @@ from .hardware_tables import (
     OUT_V_R,
     QUIET,
     RATIO,
+    SCALE_WEIGHT,
     STARTS,
+    STRIBECK,
     THRESHOLD,
     TORQUE_STEP,
     HardwareTables,
@@ -65,13 +71,19 @@ correction = helper(extended_state.correction)
 moved = helper(extended_state.moved)
 filtered_innovation = helper(noise_gate.filtered_innovation)
 opened = helper(noise_gate.opened)
-friction_torque = helper(friction_learning.friction_torque)
-learned = helper(friction_learning.learned)
+dry_share = helper(friction_learning.dry_share)
+mismatch_torque = helper(friction_learning.mismatch_torque)
+delay_terms = helper(friction_learning.delay_terms)
+at = helper(friction_learning.at)
+gather = helper(friction_learning.gather)
+eliminate = helper(friction_learning.eliminate)
+substitute = helper(friction_learning.substitute)
+shared = helper(friction_learning.shared)
 commanded = helper(observed_law.commanded)
 lagged = helper(lagged_formula)
 
 # Rows of `TickSpace.rows`.
-_BIAS, _DA, _OMEGA, _FRICTION, _V, _TORQUE, _X, _A = range(8)
+_BIAS, _DA, _OMEGA, _FRICTION, _V, _TORQUE, _X, _A, _SCALED, _LOAD = range(10)
 
 
 @routine
@@ -95,8 +107,9 @@ def hardware_tick(
     """
     if ticks == 0:
         _start(tables, space, given.q, memory)
-    _correct(tables, space, given.q, memory)
-    _track(tables, space, given, memory, out)
+    _track(tables, given, memory, out)
+    _correct(tables, space, given.q, memory, out)
+    _feed_forward(tables, space, memory, out)
     _look_ahead(tables, space, given.tau_ext, memory, out)
     if not _command(tables, space, ticks, given.tau_ext, memory, out):
         return False
@@ -123,19 +136,22 @@ def _start(tables: HardwareTables, space: TickSpace, q: Array, memory: TickMemor
 
 
 @routine
-def _correct(tables: HardwareTables, space: TickSpace, q: Array, memory: TickMemory) -> None:
+def _correct(
+    tables: HardwareTables, space: TickSpace, q: Array, memory: TickMemory, out: TickOutput
+) -> None:
     """Gate and correction by the measurement, then the model at the estimate."""
     arm, joints, rows, own = tables.arm, tables.joints, memory.rows, space.rows
     h, ratio = tables.numbers[DT], tables.numbers[RATIO]
     n = rows.shape[1]
     for j in range(n):
-        nu = difference(arm, j, memory.q, q)
+        nu, error = difference(arm, j, memory.q, q), difference(arm, j, memory.q, out.q_r)
         low, high = joints[QUIET, j], joints[ALERT, j]
         omega = ratio * (low + (high - low) * rows[OPENING, j])
         rows[INNOVATION, j] = filtered_innovation(rows[INNOVATION, j], nu, omega, h)
         rows[OPENING, j] = opened(
-            rows[OPENING, j], rows[INNOVATION, j], joints[THRESHOLD, j], joints[FALLS, j], RISES
-        )
+            rows[OPENING, j], rows[INNOVATION, j], error, joints[THRESHOLD, j], joints[ACCURACY, j],
+            joints[FALLS, j], RISES,
+        )  # fmt: skip
         own[_OMEGA, j] = low + (high - low) * rows[OPENING, j]
         step, dv, da = correction(nu, ratio * own[_OMEGA, j], h)
         add_step(arm, j, memory.q, step, memory.q)
@@ -152,10 +168,8 @@ def _correct(tables: HardwareTables, space: TickSpace, q: Array, memory: TickMem
 
 
 @routine
-def _track(
-    tables: HardwareTables, space: TickSpace, given: TickInputs, memory: TickMemory, out: TickOutput
-) -> None:
-    """Impedance filter and reference (eqs. (3) and (4)), and the learned friction along it."""
+def _track(tables: HardwareTables, given: TickInputs, memory: TickMemory, out: TickOutput) -> None:
+    """Impedance filter and reference (eqs. (3) and (4))."""
     arm, F, rows, o = tables.arm, tables.filter, memory.rows, out.rows
     for j in range(rows.shape[1]):
         x, v, t = rows[Q_E, j], rows[V_E, j], given.tau_ext[j]
@@ -166,7 +180,23 @@ def _track(
         rows[Q_E_BEFORE, j], rows[V_E_BEFORE, j], rows[TAU_EXT, j] = x, v, t
         rows[Q_E, j] = F[j, 3] * x + F[j, 4] * v + F[j, 5] * t
         rows[V_E, j] = F[j, 6] * x + F[j, 7] * v + F[j, 8] * t
-        space.rows[_FRICTION, j] = _friction(rows, j, o[OUT_V_R, j])
+
+
+@routine
+def _feed_forward(
+    tables: HardwareTables, space: TickSpace, memory: TickMemory, out: TickOutput
+) -> None:
+    """Torque of the model and of one more kilogram, and what is learned along the reference."""
+    arm, rows, own, a_r = tables.arm, memory.rows, space.rows, out.rows[OUT_A_R]
+    n = rows.shape[1]
+    rigid_body.inverse_dynamics(tables.load, space.recursions, rows[V], a_r, own[_LOAD])
+    for j in range(n):
+        own[_SCALED, j] = own[_BIAS, j]
+        for i in range(n):
+            own[_SCALED, j] += space.M[j, i] * a_r[i]
+        own[_LOAD, j] += friction(arm.joints, j, rows[V, j]) - own[_SCALED, j]
+    for j in range(n):
+        own[_FRICTION, j] = _friction(tables, own, rows, j, out)
 
 
 @routine
@@ -220,22 +250,35 @@ def _command(
 @routine
 def _learn(tables: HardwareTables, space: TickSpace, memory: TickMemory, out: TickOutput) -> None:
     """A step of the least squares; what moves into the friction leaves the disturbance."""
-    rows, h = memory.rows, tables.numbers[DT]
+    rows, own, normal, numbers = memory.rows, space.rows, space.normal, tables.numbers
+    x = REGRESSORS + TERMS + 1
+    a, b, c = numbers[SCALE_WEIGHT], 0.0, numbers[LOAD_WEIGHT]
+    y3, y4 = 0.0, 0.0
     for j in range(rows.shape[1]):
-        omega, P, R = tables.numbers[RATIO] * space.rows[_OMEGA, j], COVARIANCE, REGRESSORS
-        theta, covariance, regressors = learned(
-            (rows[PARAMETERS, j], rows[PARAMETERS + 1, j], rows[PARAMETERS + 2, j]),
-            (rows[P, j], rows[P + 1, j], rows[P + 2, j], rows[P + 3, j], rows[P + 4, j], rows[P + 5, j]),
-            (rows[R, j], rows[R + 1, j], rows[R + 2, j], rows[R + 3, j], rows[R + 4, j], rows[R + 5, j]),
-            rows[V, j], rows[DISTURBANCE, j], omega, h, tables.numbers[FORGETTING],
-        )  # fmt: skip
-        for i in range(3):
-            rows[PARAMETERS + i, j] = theta[i]
-        for i in range(6):
-            rows[P + i, j], rows[R + i, j] = covariance[i], regressors[i]
-        after = _friction(rows, j, out.rows[OUT_V_R, j])
-        rows[DISTURBANCE, j] += after - space.rows[_FRICTION, j]
-        space.rows[_FRICTION, j] = after
+        omega, v = numbers[RATIO] * own[_OMEGA, j], rows[V, j]
+        dry = dry_share(v, SMOOTHING, numbers[STRIBECK])
+        terms = (dry, v, 1.0, own[_SCALED, j], own[_LOAD, j], own[_FRICTION, j])
+        share = 1.0 - np.exp(-omega / 1.5 * numbers[DT])
+        delay_terms(rows[REGRESSORS:Q_E, j], terms, share)
+        y, weight = rows[x + TERMS, j] - rows[DISTURBANCE, j], np.tanh(v / SMOOTHING) ** 2
+        gather(rows[NORMAL:REGRESSORS, j], rows[x:Q_E, j], y, weight, numbers[FORGOTTEN])
+        for i in range(PACKED):
+            normal[i, j] = rows[NORMAL + i, j] + tables.joints[EXPECTED + i, j]
+        eliminate(normal[:, j])
+        a, b, c = a + normal[at(3, 3), j], b + normal[at(3, 4), j], c + normal[at(4, 4), j]
+        y3, y4 = y3 + normal[at(3, TERMS), j], y4 + normal[at(4, TERMS), j]
+    scale, load = shared(a, b, c, y3, y4)
+    for j in range(rows.shape[1]):
+        rows[PARAMETERS + OWN, j], rows[PARAMETERS + OWN + 1, j] = scale, load
+        substitute(normal[:, j], rows[PARAMETERS:NORMAL, j])
+        for i in range(2):
+            rows[PARAMETERS + i, j] = max(rows[PARAMETERS + i, j], 0.0)
+        after = _friction(tables, own, rows, j, out)
+        moved = after - own[_FRICTION, j]
+        own[_FRICTION, j] = after
+        rows[DISTURBANCE, j] += moved
+        rows[REGRESSORS + TERMS, j] += moved
+        rows[x + TERMS, j] += moved
 
 
 @routine
@@ -278,7 +321,12 @@ def _move(
 
 
 @inline
-def _friction(rows: Array, j: int, v_r: float) -> float:
-    dry, viscous = rows[PARAMETERS, j], rows[PARAMETERS + 1, j]
-    torque: float = friction_torque(dry, viscous, rows[PARAMETERS + 2, j], v_r, REFERENCE_SMOOTHING)
+def _friction(tables: HardwareTables, own: Array, rows: Array, j: int, out: TickOutput) -> float:
+    """What is learned, at the reference when the torque will act."""
+    v = out.rows[OUT_V_R, j] + tables.joints[LEAD, j] * out.rows[OUT_A_R, j]
+    dry, theta = (
+        dry_share(v, REFERENCE_SMOOTHING, tables.numbers[STRIBECK]),
+        rows[PARAMETERS:NORMAL, j],
+    )
+    torque: float = mismatch_torque(theta, dry, v, own[_SCALED, j], own[_LOAD, j])
     return torque

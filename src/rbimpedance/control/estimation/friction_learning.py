@@ -1,13 +1,14 @@
-"""Dry and viscous friction, learned from what the observer cannot explain."""
+"""Friction of every joint and the load of the whole arm, learned from what the observer cannot explain."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ..._common.arrays import Array, positive_number
+from ..._common.arrays import Array, positive_number, size
 from ..._common.brief import brief_repr
 from ..._common.frozen import set_fields
 
@@ -17,126 +18,206 @@ SMOOTHING = 0.02
 REFERENCE_SMOOTHING = 0.01
 """The same of the reference, which has no noise [rad/s or m/s]."""
 
+RISE_SPEED = 0.05
+"""Speed at which the rise of dry friction towards standstill has fallen to 37 % [rad/s or m/s]."""
+
 NOISE_VARIANCE = 18.0
-"""Variance of the disturbance that friction does not explain [N²·m²], as a sum over the ticks of its correlation."""
+"""Variance of the disturbance that nothing explains [N²·m²], as a sum over the ticks of its correlation."""
 
-START = (4.0, 4.0, 25.0)
-"""Variance of the three parameters before anything is known."""
+MEMORY = 10.0
+"""Time in motion after which a measurement counts e times less [s]."""
 
-LARGEST_VARIANCE = 50.0
-"""Bound on each of these later: a joint that rests would lose it."""
+OWN, TERMS = 3, 5
+"""Parameters of a joint alone (dry, viscous, constant), and all of them (scale of the model's torque, load)."""
 
-MEMORY = 3.3
-"""Time after which a measurement counts e times less [s]."""
-
-Numbers: TypeAlias = tuple[Array, ...]
+PACKED = TERMS * (TERMS + 3) // 2
+"""Rows of the normal equations: the upper triangle and the right-hand side, row by row."""
 
 # --- formulas, for all joints at once or for one ------------------------------------------------------------------
 
 
-def friction_torque(dry: Array, viscous: Array, constant: Array, v: Array, width: float) -> Array:
-    """Return dry·tanh(v/width) + viscous·v + constant.
+def dry_share(v: Array, width: float, rise: float) -> Array:
+    """Return dry friction over its value in motion: tanh(v/width)·(1 + rise·e^(-(v/0.05)²)).
 
     Args:
-        dry: Coulomb friction.
-        viscous: Viscous friction.
-        constant: Constant part.
         v: Speed.
         width: Speed at which dry friction has reached 76 %.
+        rise: How much larger it is at rest, relative.
     """
-    return dry * np.tanh(v / width) + viscous * v + constant
+    share: Array = np.tanh(v / width) * (1.0 + rise * np.exp(-((v / RISE_SPEED) ** 2)))
+    return share
 
 
-def learned(
-    parameters: Numbers,
-    covariance: Numbers,
-    regressors: Numbers,
-    v: Array,
-    disturbance: Array,
-    bandwidth: Array,
-    h: float,
-    forgetting: float,
-) -> tuple[Numbers, Numbers, Numbers]:
-    """Return parameters, covariance and regressors after a step of the recursive least squares.
-
-    With x the regressors (tanh(v/width), v, 1) behind two low-passes that start from zero, and y = P·x,
-
-        θ ← θ - y·d/(λ·σ² + xᵀy),    P ← (P - y·yᵀ/(λ·σ² + xᵀy))/λ,
-
-    where -d is the error of θ's prediction: what of the friction is not compensated yet.
+def mismatch_torque(theta: Any, dry: Array, v: Array, scaled: Array, load: Array) -> Array:
+    """Return what the parameters make of the torque that the model misses.
 
     Args:
-        parameters: θ, dry, viscous and constant part.
-        covariance: P as P00, P01, P02, P11, P12, P22.
-        regressors: tanh(v/width), v and 1 behind one low-pass, then behind two.
-        v: Estimated speed.
-        disturbance: d, estimated.
-        bandwidth: Of the observer [rad/s].
-        h: Period [s].
-        forgetting: λ.
+        theta: Dry, viscous and constant part, scale and load.
+        dry: From `dry_share`.
+        v: Speed.
+        scaled: Torque of the model, of which theta[3] is missing.
+        load: Torque of a unit load.
     """
-    share = 1.0 - np.exp(-bandwidth / 1.5 * h)
-    sign, speed, one, x0, x1, x2 = regressors
-    sign = sign + share * (np.tanh(v / SMOOTHING) - sign)
-    speed = speed + share * (v - speed)
-    one = one + share * (1.0 - one)
-    x0, x1, x2 = x0 + share * (sign - x0), x1 + share * (speed - x1), x2 + share * (one - x2)
-    p00, p01, p02, p11, p12, p22 = covariance
-    y0 = p00 * x0 + p01 * x1 + p02 * x2
-    y1 = p01 * x0 + p11 * x1 + p12 * x2
-    y2 = p02 * x0 + p12 * x1 + p22 * x2
-    scale = forgetting * NOISE_VARIANCE + x0 * y0 + x1 * y1 + x2 * y2
-    dry, viscous, constant = parameters
-    dry = np.maximum(dry - y0 * disturbance / scale, 0.0)
-    viscous = np.maximum(viscous - y1 * disturbance / scale, 0.0)
-    constant = constant - y2 * disturbance / scale
-    p00, p11 = (p00 - y0 * y0 / scale) / forgetting, (p11 - y1 * y1 / scale) / forgetting
-    p22, p01 = (p22 - y2 * y2 / scale) / forgetting, (p01 - y0 * y1 / scale) / forgetting
-    p02, p12 = (p02 - y0 * y2 / scale) / forgetting, (p12 - y1 * y2 / scale) / forgetting
-    fits = LARGEST_VARIANCE / np.maximum(np.maximum(p00, p11), np.maximum(p22, LARGEST_VARIANCE))
-    after = (p00 * fits, p01 * fits, p02 * fits, p11 * fits, p12 * fits, p22 * fits)
-    return (dry, viscous, constant), after, (sign, speed, one, x0, x1, x2)
+    torque: Array = theta[0] * dry + theta[1] * v + theta[2] + theta[3] * scaled + theta[4] * load
+    return torque
+
+
+def delay_terms(late: Any, terms: Any, share: Array) -> None:
+    """Move every term and the torque that is fed forward behind two low-passes, in place.
+
+    Args:
+        late: The six behind one low-pass, then behind two.
+        terms: The six.
+        share: By which a low-pass comes closer to its input.
+    """
+    for i in range(TERMS + 1):
+        late[i] += share * (terms[i] - late[i])
+        late[TERMS + 1 + i] += share * (late[i] - late[TERMS + 1 + i])
+
+
+def at(i: int, k: int) -> int:
+    """Return the row of the packed normal equations that holds entry k of row i, k ≥ i.
+
+    Args:
+        i: Row.
+        k: Column; `TERMS` is the right-hand side.
+    """
+    return i * (2 * TERMS + 1 - i) // 2 + k
+
+
+def gather(normal: Any, x: Any, y: Array, weight: Array, forgotten: float) -> None:
+    """Add a measurement y = xᵀθ to the normal equations, in place, and forget a share of the older ones.
+
+    Args:
+        normal: Packed normal equations.
+        x: Delayed terms.
+        y: Torque that the model misses.
+        weight: Of the measurement, from 0 to 1.
+        forgotten: Share of the older ones that a measurement of full weight replaces.
+    """
+    keeps, gain = 1.0 - forgotten * weight, weight / NOISE_VARIANCE
+    for i in range(TERMS):
+        for k in range(i, TERMS):
+            normal[at(i, k)] = keeps * normal[at(i, k)] + gain * x[i] * x[k]
+        normal[at(i, TERMS)] = keeps * normal[at(i, TERMS)] + gain * x[i] * y
+
+
+def eliminate(normal: Any) -> None:
+    """Eliminate a joint's own parameters from its normal equations, in place; the rest is for the shared ones.
+
+    Args:
+        normal: Packed normal equations, positive definite.
+    """
+    for i in range(OWN):
+        for k in range(i + 1, TERMS):
+            ratio = normal[at(i, k)] / normal[at(i, i)]
+            for m in range(k, TERMS + 1):
+                normal[at(k, m)] -= ratio * normal[at(i, m)]
+
+
+def substitute(normal: Any, theta: Any) -> None:
+    """Write a joint's own parameters into theta, whose shared ones are known.
+
+    Args:
+        normal: Normal equations after `eliminate`.
+        theta: All parameters.
+    """
+    for i in range(OWN - 1, -1, -1):
+        rest = normal[at(i, TERMS)]
+        for k in range(i + 1, TERMS):
+            rest = rest - normal[at(i, k)] * theta[k]
+        theta[i] = rest / normal[at(i, i)]
+
+
+def shared(a: float, b: float, c: float, x: float, y: float) -> tuple[float, float]:
+    """Return the solution of [[a, b], [b, c]]·θ = [x, y].
+
+    Args:
+        a: First entry of the matrix.
+        b: Second.
+        c: Last.
+        x: Right-hand side.
+        y: The same.
+    """
+    determinant = a * c - b * b
+    return (c * x - b * y) / determinant, (a * y - b * x) / determinant
 
 
 # --- the learner --------------------------------------------------------------------------------------------------
+
+
+class Expectation(NamedTuple):
+    """What is known of the parameters before the arm moves, each of shape (5, nv); the last two rows are one number.
+
+    Attributes:
+        mean: Dry, viscous and constant part, scale, load.
+        deviation: Their standard deviations, positive.
+    """
+
+    mean: Array
+    deviation: Array
 
 
 class FrictionState(NamedTuple):
     """What has been learned.
 
     Attributes:
-        parameters: Dry [N·m or N], viscous [N·m·s/rad or N·s/m] and constant [N·m or N] part, shape (3, nv).
-        covariance: Of these, its upper triangle row by row, shape (6, nv).
-        regressors: tanh(v/width), v and 1 behind one low-pass, then behind two, shape (6, nv).
+        parameters: Dry [N·m or N], viscous [N·m·s/rad or N·s/m] and constant [N·m or N] part, share of the model's
+            torque that is missing, and load [kg], shape (5, nv); the last two are the same for all joints.
+        normal: Packed normal equations of each joint, without what was expected, shape (20, nv).
+        regressors: The five terms and the torque that is fed forward behind one low-pass, then behind two, shape
+            (12, nv).
     """
 
     parameters: Array
-    covariance: Array
+    normal: Array
     regressors: Array
 
+    def shifted(self, moved: Array) -> FrictionState:
+        """Return the state after what is fed forward has changed, and the disturbance by as much.
 
-@brief_repr()
+        Args:
+            moved: The change, shape (nv,) [N·m or N].
+        """
+        late = self.regressors.copy()
+        late[[TERMS, 2 * TERMS + 1]] += moved
+        return self._replace(regressors=late)
+
+
+@brief_repr("nv", "dt", "memory", "stribeck")
 @dataclass(frozen=True, eq=False, init=False)
 class FrictionLearner:
-    """Recursive least squares for the friction of every joint: dry·tanh(v/0.02) + viscous·v + constant.
+    """Least squares for the friction of every joint and what the arm carries.
 
-    What the observer takes for a disturbance is -(friction - what is compensated already), late by 3/ω. The same low-
-    passes, two of ω/1.5, delay the regressors alike. What a step of the least squares moves into the friction model
-    is taken out of the disturbance by the caller, so that the torque does not jump:
+    The torque that the model misses is taken to be, on every joint,
 
-        change = friction after - friction before, both at the reference's speed;    disturbance ← disturbance + change.
+        dry·tanh(v/0.02)·(1 + stribeck·e^(-(v/0.05)²)) + viscous·v + constant + scale·tau_model + load·tau_1,
 
-    Feed-forward at the speed of the reference acts at a reversal before the arm is held up, which no observer can. A
-    load that is not known moves into the constant part. Old measurements are forgotten with a time constant of
-    `memory`. The method needs a stable innovation, and does not belong on joints with springs.
+    where tau_model is the torque of the model itself and tau_1 that of one more kilogram at the tool; scale and load
+    are the same for all joints. In a motion in one direction a joint alone cannot distinguish dry friction from a
+    constant or from gravity; together with the other joints, and with what is expected, it can. The parameters minimize
+
+        Σ weight·e^(-age/memory)·(y - xᵀθ)²/σ² + Σ ((θ - mean)/deviation)²
+
+    with y what observer and feed-forward make of the missed torque, late by 3/ω, and x the terms behind two low-passes
+    of ω/1.5, which are as late. The weight is tanh²(v/0.02): a joint at rest says nothing about its friction, and
+    nothing is forgotten there. What a step moves into the parameters is taken out of the disturbance by the caller, so
+    that the torque does not jump:
+
+        change = torque after - torque before, both at the reference;    disturbance ← disturbance + change.
+
+    Feed-forward at the speed of the reference acts at a reversal before the arm is held up, which no observer can. The
+    method needs a stable innovation, and does not belong on joints with springs.
 
     Attributes:
         nv: Number of joints.
         dt: Period [s].
-        memory: Time after which a measurement counts e times less [s].
+        memory: Time in motion after which a measurement counts e times less [s].
+        stribeck: How much larger dry friction is at rest, relative.
+        expected: Mean and deviation of the parameters before anything is measured.
 
     Raises:
-        ParameterError: A period or memory that is not positive.
+        ParameterError: A period or memory that is not positive, a rise below 0.
 
     References:
         K. J. Åström, B. Wittenmark, Adaptive control, 2nd ed., 1995, section 2.2 (forgetting).
@@ -145,47 +226,111 @@ class FrictionLearner:
     nv: int
     dt: float
     memory: float
+    stribeck: float
+    expected: Expectation
 
-    def __init__(self, nv: int, dt: float, memory: float = MEMORY) -> None:
+    def __init__(
+        self,
+        nv: int,
+        dt: float,
+        memory: float = MEMORY,
+        *,
+        stribeck: float = 0.0,
+        expected: Expectation | None = None,
+    ) -> None:
         set_fields(
             self,
             nv=nv,
             dt=positive_number("dt", dt, "control period in seconds"),
             memory=positive_number("memory", memory, "time in seconds"),
+            stribeck=size("stribeck", stribeck),
+            expected=nothing_known(nv) if expected is None else expected,
         )
 
     @property
-    def forgetting(self) -> float:
-        """Factor on the weight of what was measured a tick earlier."""
-        return float(np.exp(-self.dt / self.memory))
+    def forgotten(self) -> float:
+        """Share of the older measurements that a new one replaces."""
+        return float(-np.expm1(-self.dt / self.memory))
+
+    @property
+    def equations(self) -> Array:
+        """Normal equations of what is expected, of a joint's own parameters alone, shape (20, nv)."""
+        packed = np.zeros((PACKED, self.nv))
+        for i in range(OWN):
+            weight = 1.0 / self.expected.deviation[i] ** 2
+            packed[at(i, i)], packed[at(i, TERMS)] = weight, weight * self.expected.mean[i]
+        return packed
+
+    @property
+    def shared_weights(self) -> Array:
+        """Weights of what is expected of scale and load, whose mean is 0, shape (2,)."""
+        weights: Array = 1.0 / self.expected.deviation[OWN:, 0] ** 2
+        return weights
 
     def init(self) -> FrictionState:
-        """Return the state before anything is known: no friction."""
-        covariance = np.zeros((6, self.nv))
-        covariance[[0, 3, 5]] = np.array(START)[:, None]
-        return FrictionState(np.zeros((3, self.nv)), covariance, np.zeros((6, self.nv)))
+        """Return the state before anything is measured."""
+        late = np.zeros((2 * (TERMS + 1), self.nv))
+        return FrictionState(self.expected.mean.copy(), np.zeros((PACKED, self.nv)), late)
 
-    def torque(self, state: FrictionState, v: Array) -> Array:
-        """Return the learned friction at a speed that has no noise, shape (nv,) [N·m or N].
+    def torque(self, state: FrictionState, v: Array, loads: Array | None = None) -> Array:
+        """Return the learned torque at a speed that has no noise, shape (nv,) [N·m or N].
 
         Args:
             state: What has been learned.
             v: Speed of the reference, shape (nv,) [rad/s or m/s].
+            loads: Torque of the model, and of one more kilogram, shape (2, nv); zero by default [N·m or N].
         """
-        dry, viscous, constant = state.parameters
-        return friction_torque(dry, viscous, constant, v, REFERENCE_SMOOTHING)
+        loads = np.zeros((2, self.nv)) if loads is None else loads
+        dry = dry_share(v, REFERENCE_SMOOTHING, self.stribeck)
+        return mismatch_torque(state.parameters, dry, v, *loads)
 
     def step(
-        self, state: FrictionState, v: Array, disturbance: Array, bandwidth: Array
+        self,
+        state: FrictionState,
+        v: Array,
+        disturbance: Array,
+        bandwidth: Array,
+        fed: Array | None = None,
+        loads: Array | None = None,
     ) -> FrictionState:
         """Return the state after a tick.
 
         Args:
             state: From `init` or the tick before.
             v: Estimated speed, shape (nv,) [rad/s or m/s].
-            disturbance: Estimated torque that model and learned friction miss, shape (nv,) [N·m or N].
+            disturbance: Estimated torque that model and feed-forward miss, shape (nv,) [N·m or N].
             bandwidth: Of the observer, shape (nv,) [rad/s].
+            fed: Learned torque that is fed forward, shape (nv,); none by default [N·m or N].
+            loads: As for `torque`.
         """
-        theta, P, x = (tuple(rows) for rows in state)
-        after = learned(theta, P, x, v, disturbance, bandwidth, self.dt, self.forgetting)
-        return FrictionState(*map(np.stack, after))
+        zero = np.zeros(self.nv)
+        scaled, load = (zero, zero) if loads is None else loads
+        dry, one = dry_share(v, SMOOTHING, self.stribeck), np.ones(self.nv)
+        late, normal = state.regressors.copy(), state.normal.copy()
+        terms = (dry, v, one, scaled, load, zero if fed is None else fed)
+        delay_terms(late, terms, 1.0 - np.exp(-bandwidth / 1.5 * self.dt))
+        x = late[TERMS + 1 :]
+        gather(normal, x, x[TERMS] - disturbance, np.tanh(v / SMOOTHING) ** 2, self.forgotten)
+        return FrictionState(self._solved(normal), normal, late)
+
+    def _solved(self, normal: Array) -> Array:
+        """The parameters."""
+        left, theta = normal + self.equations, np.empty((TERMS, self.nv))
+        eliminate(left)
+        first, second = self.shared_weights
+        a, b, c = (float(left[row].sum()) for row in (at(3, 3), at(3, 4), at(4, 4)))
+        x, y = (float(left[at(i, TERMS)].sum()) for i in (3, 4))
+        theta[3], theta[4] = shared(a + first, b, c + second, x, y)
+        substitute(left, theta)
+        theta[:2] = np.maximum(theta[:2], 0.0)
+        return theta
+
+
+def nothing_known(nv: int) -> Expectation:
+    """Return what is expected of an arm of which nothing is stated: friction of a few N·m, and its model as it is.
+
+    Args:
+        nv: Number of joints.
+    """
+    deviation: ArrayLike = [2.0, 2.0, 2.0, 1e-3, 1e-3]
+    return Expectation(np.zeros((TERMS, nv)), np.tile(np.array(deviation)[:, None], nv))
