@@ -1,7 +1,7 @@
 """Inverse of the Jacobian and null space in compiled code; `law.damped_inverse` specifies them.
 
-Where no direction is damped, σ ≥ σ₀, the inverse is AᵀG⁻¹ with G = A·Aᵀ by Cholesky; that this is so shows the factor
-of G - σ₀²·I. Otherwise one-sided Jacobi rotations find the directions: rows of Uᵀ·A that are orthogonal have the singular
+Where no direction is damped, σ ≥ σ₀, the inverse is AᵀG⁻¹ with G = A·Aᵀ by Cholesky; whether this is so, the factor of
+G - σ₀²·I shows. Otherwise one-sided Jacobi rotations find the directions: rows of Uᵀ·A that are orthogonal have the singular
 values as their lengths (G. H. Golub, C. F. Van Loan, Matrix Computations, 4th ed., section 8.6.3).
 """
 
@@ -185,8 +185,7 @@ def fill_lost(
         missing: Where b - J·(J^#·b + the part added) goes, shape (6,).
     """
     J, V = work.jacobian, work.basis
-    for k in range(SIX):
-        missing[k] = 0.0
+    missing[:] = 0.0
     for i in range(SIX):
         residual = -_dot(work.along[i], posture)
         for k in range(SIX):
@@ -197,17 +196,16 @@ def fill_lost(
     for j in range(len(J)):
         wanted[j] += posture[j]
     for k in range(SIX):
-        along = 0.0
-        for j in range(len(J)):
-            along += J[j, k] * posture[j]
-        for j in range(len(J)):
-            wanted[j] -= work.inverse[j, k] * along
+        _add(wanted, -_dot(J[:, k], posture), work.inverse[:, k])
     for c in range(V.shape[1]):
-        share = 0.0
-        for j in range(len(V)):
-            share += V[j, c] * posture[j]
-        for j in range(len(V)):
-            wanted[j] -= V[j, c] * share
+        _add(wanted, -_dot(V[:, c], posture), V[:, c])
+
+
+@fused
+def _add(x: Array, k: float, y: Array) -> None:
+    """Add k·y to x."""
+    for j in range(len(x)):
+        x[j] += k * y[j]
 
 
 @fused

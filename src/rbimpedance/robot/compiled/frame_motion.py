@@ -84,7 +84,7 @@ def frame_motion(
 def _chain_rates(
     arm: ArmTables, poses: Array, chain: NDArray[np.int64], v: Array, rate: Array, p: Vector
 ) -> Vector:
-    """Write the velocity of every joint's origin and the rate of its axis; return the last body's velocity at p."""
+    """Write velocity of every joint's origin and rate of its axis; return the velocity of the last body at p."""
     omega, at_origin, before = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for k in range(len(chain)):
         j = chain[k, 0]
