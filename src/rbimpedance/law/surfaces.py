@@ -7,10 +7,9 @@ Notation: sig(x)^p = sign(x)·abs(x)^p, elementwise.
 
 from __future__ import annotations
 
-import functools
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -19,7 +18,7 @@ from numpy.typing import ArrayLike
 from .._common.arrays import Array, gain, positive
 from .._common.brief import brief_repr
 from .._common.deprecation import renamed_attribute
-from .._common.frozen import Converted, Gain
+from .._common.frozen import Converted, Gain, set_fields
 from .formulas import FormulaPart, elementwise, signed_power
 
 
@@ -287,19 +286,24 @@ class FastTerminalSurface(FormulaSurface):
     gamma: Gain = Converted(positive, 3.0)
     exponent: Gain = Converted(_between(0.5, 1.0), 0.6)
     smoothing: Gain = Converted(positive, 1e-3)
+    _inner_slope: Array = field(init=False)
+    _inner_curve: Array = field(init=False)
     formula = staticmethod(fast_terminal_formula)
 
-    @functools.cached_property
+    def __post_init__(self) -> None:
+        alpha, eps = self.exponent, self.smoothing
+        slope, curve = (2.0 - alpha) * eps ** (alpha - 1.0), (alpha - 1.0) * eps ** (alpha - 2.0)
+        set_fields(self, _inner_slope=slope, _inner_curve=curve)
+
+    @property
     def inner_slope(self) -> Array:
         """(2-α)·ε^(α-1), the slope of φ at 0."""
-        slope: Array = (2.0 - self.exponent) * self.smoothing ** (self.exponent - 1.0)
-        return slope
+        return self._inner_slope
 
-    @functools.cached_property
+    @property
     def inner_curve(self) -> Array:
         """(α-1)·ε^(α-2), what bends φ within ε."""
-        curve: Array = (self.exponent - 1.0) * self.smoothing ** (self.exponent - 2.0)
-        return curve
+        return self._inner_curve
 
     def sliding_time(self, e1: ArrayLike) -> Array:
         """Time on s = 0 until abs(e1) is at the smoothing radius ε, exact [s].
