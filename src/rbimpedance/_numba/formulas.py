@@ -16,7 +16,11 @@ from numba import types
 from numba.core.ccallback import CFunc
 from numba.extending import intrinsic
 
+from .._common import conditions
+from . import lanes
+from . import power as _  # noqa: F401 (defines the power of lanes)
 from .compile import inline, keep_on_disk
+from .layouts.lane_arrays import columns
 
 _NUMBERS, _NUMBER = types.CPointer(types.float64), types.float64
 _LOOP = types.void(types.intp, _NUMBERS, _NUMBER, _NUMBERS, _NUMBERS)
@@ -35,39 +39,44 @@ def call_loop(
     """Call a loop at an address, on a matrix with a column for each joint.
 
     It takes the number of the first row that the loop is given, dt, the gains, a row for each, and the number of the
-    first row of results.
+    first row of results. A matrix of lanes has eight columns for each joint.
     """
     del typing, first, result
 
     def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         at, _, given, dt, _, results = arguments
-        matrix, own = (
-            context.make_array(signature.args[k])(context, builder, arguments[k]) for k in (1, 4)
-        )
-        joints = builder.extract_value(matrix.shape, 1)
+        matrix, joints = columns(context, builder, signature.args[1], arguments[1])
+        own, _ = columns(context, builder, signature.args[4], arguments[4])
 
         def row(k: Any) -> Any:
-            return builder.gep(matrix.data, [builder.mul(k, joints)])
+            return builder.gep(matrix, [builder.mul(k, joints)])
 
         loop = builder.inttoptr(at, _NATIVE.as_pointer())
-        builder.call(loop, [joints, row(given), dt, own.data, row(results)])
+        builder.call(loop, [joints, row(given), dt, own, row(results)])
         return context.get_dummy_value()
 
     return types.void(address, rows, types.intp, dt, gains, types.intp), emit
 
 
-def compiled_loop(loop: Callable[..., None], formula: Callable[..., Any]) -> CFunc:
+def compiled_loop(loop: Callable[..., None], formula: Callable[..., Any], form: str) -> CFunc:
     """Compile a loop, or load it from the disk if its formula is one of the package.
 
     Args:
         loop: Around the formula: takes the number of joints, and pointers to what `call_loop` is given.
         formula: The formula.
+        form: What it is compiled for.
     """
     made = CFunc(loop, (_LOOP.args, _LOOP.return_type), {}, _RULES)
     if formula.__module__.partition(".")[0] == __name__.partition(".")[0]:
-        keep_on_disk(made, loop, f"{formula.__module__}.{formula.__qualname__}")
+        keep_on_disk(made, loop, f"{formula.__module__}.{formula.__qualname__} {form}")
     made.compile()
     return made
+
+
+_NATIVE_FORMS: dict[Any, Any] = {
+    conditions.select: lanes.select,
+    conditions.any_of: lanes.any_of,
+}
 
 
 @functools.cache
@@ -75,7 +84,9 @@ def helper(function: Callable[..., Any]) -> Any:
     """Compile a plain function into its callers, with the plain functions that it calls, in strict IEEE arithmetic."""
 
     def ready(value: Any) -> Any:
-        return helper(value) if inspect.isfunction(value) else value
+        if not inspect.isfunction(value):
+            return value
+        return _NATIVE_FORMS.get(value) or helper(value)
 
     used = inspect.getclosurevars(function).globals
     cells = [python.CellType(ready(cell.cell_contents)) for cell in function.__closure__ or ()]

@@ -12,13 +12,14 @@ from .._common.brief import brief_repr
 from .._common.deprecation import renamed_arguments, renamed_attribute
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
-from .formulas import clip, elementwise
+from .formulas import clip, elementwise, select
 from .surfaces import Surface, SurfaceByTerms, terms
 
 
 def at_bound(e1: float, bound: float, feedforward: float, zoh_gain: float) -> tuple[float, float]:
     """Feed-forward and gain of a bounded surface, from those of the surface: beyond the bound s is constant in e1."""
-    return (0.0, 1.0) if abs(e1) > bound else (feedforward, zoh_gain)
+    is_beyond = abs(e1) > bound
+    return select(is_beyond, 0.0, feedforward), select(is_beyond, 1.0, zoh_gain)
 
 
 @brief_repr()

@@ -23,8 +23,8 @@ def torque_bounds(before: float, effort: float, step: float) -> tuple[float, flo
 
 def limits_reached(tau: float, lower: float, upper: float, effort: float) -> tuple[bool, bool]:
     """Whether a joint is at its torque limit, and whether it is at its rate limit only."""
-    saturated = abs(tau) >= effort
-    return saturated, not saturated and (tau <= lower or tau >= upper)
+    is_held = (tau <= lower) | (tau >= upper)
+    return abs(tau) >= effort, is_held & (abs(tau) < effort)
 
 
 def allocate_joints(

@@ -76,7 +76,8 @@ def implicit(s: float, z: float, x: float, a: float, dt: float, k1: float, k2: f
     """
     h, b = dt, s + a
     excess = max(abs(b) - h * h * k2, 0.0)
-    root = math.sqrt((h * k1 / 2.0) ** 2 + excess) - h * k1 / 2.0
+    half = h * k1 / 2.0
+    root = math.sqrt(half * half + excess) - half
     x_next = sign(b) * (root * root)
     k1_term = h * k1 * sign(b) * root
     z_next = z + h * clip(b / (h * h * k2), -1.0, 1.0)

@@ -19,7 +19,7 @@ from .._common.arrays import Array, gain, positive
 from .._common.brief import brief_repr
 from .._common.deprecation import renamed_attribute
 from .._common.frozen import Converted, Gain, set_fields
-from .formulas import FormulaPart, elementwise, signed_power
+from .formulas import FormulaPart, any_of, elementwise, select, signed_power
 
 
 def sig(x: ArrayLike, p: ArrayLike) -> Array:
@@ -71,12 +71,13 @@ def fast_terminal_formula(
     34 % at dt = 10 ms, λ = 2, γ = 3, α = 0.6 and ε = 1e-3, which the implicit scheme does not tolerate.
     """
     size = abs(e1)
-    if size <= smoothing:
-        phi = inner_slope * e1 + inner_curve * e1 * size
-        phi_slope = inner_slope + 2.0 * inner_curve * size
-    else:
-        power = size ** (exponent - 1.0)
-        phi, phi_slope = power * e1, exponent * power
+    phi = inner_slope * e1 + inner_curve * e1 * size
+    phi_slope = inner_slope + 2.0 * inner_curve * size
+    is_outside = size > smoothing
+    if any_of(is_outside):
+        power = max(size, smoothing) ** (exponent - 1.0)
+        phi = select(is_outside, power * e1, phi)
+        phi_slope = select(is_outside, exponent * power, phi_slope)
     slope = rate + gamma * phi_slope
     return e2 + rate * e1 + gamma * phi, slope * e2, 1.0 + slope * dt / 2.0
 
@@ -92,9 +93,7 @@ def nonsingular_terminal_formula(
 
     The gain is 1: that of s depends on e2 and vanishes with it, and nothing may be divided by it.
     """
-    if e2 == 0.0:
-        return e1, 0.0, 1.0
-    power = abs(e2) ** (exponent - 1.0)
+    power = select(e2 == 0.0, 1.0, abs(e2)) ** (exponent - 1.0)
     return e1 + power * e2 / beta, beta / exponent * (e2 / power), 1.0
 
 

@@ -160,10 +160,14 @@ def _is_as_declared(kind: Borrowed, obj: Any, builder: Any) -> Any:
 
 def fill(kind: Borrowed, native: Any, obj: Any, builder: Any) -> None:
     """Emit the copy of an array's address and shape to Numba's structure."""
-    array = builder.bitcast(obj, _ARRAY.as_pointer())
-    shape = field(builder, array, _SHAPE)
-    lengths = [builder.load(cgutils.gep(builder, shape, i)) for i in range(kind.ndim)]
-    put_array(kind, native, field(builder, array, _DATA), lengths, builder)
+    lengths = lengths_of(obj, kind.ndim, builder)
+    put_array(kind, native, address_of_data(builder, obj), lengths, builder)
+
+
+def lengths_of(obj: Any, ndim: int, builder: Any) -> list[Any]:
+    """Emit the code that reads the lengths of the first axes of an array, which has to be one."""
+    shape = field(builder, builder.bitcast(obj, _ARRAY.as_pointer()), _SHAPE)
+    return [builder.load(cgutils.gep(builder, shape, i)) for i in range(ndim)]
 
 
 def put_array(kind: Borrowed, native: Any, data: Any, lengths: list[Any], builder: Any) -> None:
