@@ -48,12 +48,16 @@ class LaneArray(types.Type):  # type: ignore[misc]
 LANE_VECTOR, LANE_MATRIX = LaneArray(1), LaneArray(2)
 
 
+class LaneNumbers(np.ndarray[Any, np.dtype[np.float64]]):
+    """An array in which the last axis are the lanes; it marks what compiled code takes as a `LaneArray`."""
+
+
 def lane_array(*shape: int) -> Array:
     """Return zeros, aligned for lanes, with the lanes as an axis more."""
     count = int(np.prod(shape)) * WIDTH
     memory = np.zeros(count + WIDTH)
     skipped = -memory.ctypes.data % ALIGNMENT // memory.itemsize
-    return memory[skipped : skipped + count].reshape(*shape, WIDTH)
+    return memory[skipped : skipped + count].reshape(*shape, WIDTH).view(LaneNumbers)
 
 
 @register_model(LaneArray)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..._common.arrays import Array
 from ..._numba.compile import inline
 from ..._numba.formulas import call_loop, helper
+from ..._numba.lanes import any_of, first_lane, select
 from ...law.bounded_surface import at_bound
 from ...robot.compiled.tables import CONTINUOUS, KIND, Q_INDEX, ArmTables
 from .block import A_R, E1, FLAGS, NEXT_Q_E, NEXT_V_E, PAIR, Q_R, Q_R_SIN
@@ -123,13 +124,13 @@ def add_angle(cos: float, sin: float, angle: float) -> tuple[float, float]:
 def angle_between(cos0: float, sin0: float, cos1: float, sin1: float) -> float:
     """(cos1, sin1) (-) (cos0, sin0), in Pinocchio's cases."""
     cos, sin = cos0 * cos1 + sin0 * sin1, cos0 * sin1 - sin0 * cos1
-    if cos > 1.0:
-        return 0.0
-    if cos < -1.0:
-        return math.copysign(math.pi, sin)
-    if 2.0 * cos > 2.0 - 1e-2:
-        return math.asin(sin)
-    return math.acos(cos) if sin >= 0.0 else -math.acos(cos)
+    angle, is_small = 0.0 * cos, 2.0 * cos > 2.0 - 1e-2
+    if any_of(is_small):
+        angle = select(cos > 1.0, 0.0, math.asin(max(-1.0, min(sin, 1.0))))
+    if any_of(2.0 * cos <= 2.0 - 1e-2):
+        size = math.acos(max(cos, -1.0))
+        angle = select(is_small, angle, select(sin >= 0.0, size, -size))
+    return angle
 
 
 _at_bound = helper(at_bound)
@@ -145,7 +146,7 @@ def surface(law: LawTables, scratch: Scratch, block: Array, is_clipped: bool) ->
         block: With the errors.
         is_clipped: Whether one is beyond the bound of a `BoundedSurface`.
     """
-    joints, dt = scratch.joints, law.gains[0, DT]
+    joints, dt = scratch.joints, first_lane(law.gains[0, DT])
     call_loop(law.choices[0, SURFACE], joints, SEEN_E1, dt, law.surface, FEEDFORWARD)
     if is_clipped:
         for j in range(len(block)):
@@ -157,7 +158,7 @@ def surface(law: LawTables, scratch: Scratch, block: Array, is_clipped: bool) ->
 @inline
 def reaching(law: LawTables, scratch: Scratch, starts: bool) -> None:
     """Write u, and the next z, x and a, of all joints."""
-    joints, dt = scratch.joints, law.gains[0, DT]
+    joints, dt = scratch.joints, first_lane(law.gains[0, DT])
     if starts:
         for j in range(joints.shape[1]):
             joints[Z_ROW, j], joints[X_ROW, j], joints[A_ROW, j] = 0.0, joints[S_ROW, j], 0.0
@@ -186,7 +187,8 @@ def filter_step(
 def couple_joints(law: LawTables, state: Array, tau_ext: Array, filtered: Array) -> None:
     """Write a_e, and the next q_e and v_e, of all joints: column by column, in long loops."""
     n = len(tau_ext)
-    filtered[:] = 0.0
+    for i in range(3 * n):
+        filtered[i] = 0.0
     for k in range(n):
         _add_column(law.filter, k, state[k, NEXT_Q_E], filtered)
         _add_column(law.filter, n + k, state[k, NEXT_V_E], filtered)
@@ -206,7 +208,7 @@ def position_error(arm: ArmTables, j: int, q: Array, q_d: Array, q_e: float, blo
     if arm.topology[j, KIND] != CONTINUOUS:
         q_r = q_d[i] + q_e
         block[j, Q_R], block[j, Q_R_SIN], block[j, FLAGS] = q_r, 0.0, 0.0
-        return float(q_r - q[i])
+        return q_r - q[i]  # type: ignore[no-any-return]
     cos, sin = add_angle(q_d[i], q_d[i + 1], q_e)
     block[j, Q_R], block[j, Q_R_SIN], block[j, FLAGS] = cos, sin, PAIR
     return angle_between(q[i], q[i + 1], cos, sin)

@@ -7,6 +7,7 @@ import math
 from ..._common.arrays import Array
 from ..._numba.compile import inline, routine
 from ..._numba.formulas import helper
+from ..._numba.lanes import select
 from ...law.limits import allocate_joints, limits_reached, torque_bounds
 from ...law.super_twisting import corrected_x, rested
 from .block import (
@@ -15,7 +16,6 @@ from .block import (
     GUARANTEED,
     NEXT_X,
     NEXT_Z,
-    PAIR,
     RATE_LIMITED,
     SATURATED,
     TAU,
@@ -67,7 +67,7 @@ def within_limits(law: LawTables, scratch: Scratch, state: Array, block: Array) 
 @inline
 def bounds(law: LawTables, j: int, state: Array) -> tuple[float, float]:
     """Least and largest torque of joint j at this tick."""
-    step = law.gains[j, TORQUE_STEP] if state[0, TICKS] != 0.0 else math.inf
+    step = select(state[0, TICKS] != 0.0, law.gains[j, TORQUE_STEP], math.inf)
     return _bounds(state[j, TAU], law.gains[j, EFFORT], step)  # type: ignore[no-any-return]
 
 
@@ -76,12 +76,7 @@ def put_flags(law: LawTables, j: int, state: Array, block: Array, premise_holds:
     """Write which limits joint j is at, and whether its reaching law acts in full; the other flags stay."""
     tau = block[j, TAU]
     lower, upper = bounds(law, j, state)
-    flags = int(block[j, FLAGS]) & (PAIR | CLIPPED)
+    flags = CLIPPED * math.floor(block[j, FLAGS] / CLIPPED)  # keeps `CLIPPED` and `PAIR`
     saturated, rate_limited = _reached(tau, lower, upper, law.gains[j, EFFORT])
-    if saturated:
-        flags |= SATURATED
-    if rate_limited:
-        flags |= RATE_LIMITED
-    if premise_holds:
-        flags |= GUARANTEED
-    block[j, FLAGS] = flags
+    flags += select(saturated, SATURATED, 0.0) + select(rate_limited, RATE_LIMITED, 0.0)
+    block[j, FLAGS] = flags + (GUARANTEED if premise_holds else 0.0)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
+from numba.core.errors import NumbaError
 
 from ..._common.arrays import Array
 from ..._numba import warn_once
 from ...law.bounded_surface import BoundedSurface
-from ...law.formulas import FormulaPart
+from ...law.formulas import Formula, FormulaPart
 from ...law.impedance import ImpedanceFilter, TargetFilter
 from ...law.super_twisting import SuperTwisting
 from ...law.surfaces import Surface, has_formula
@@ -34,6 +36,23 @@ def can_pack(surface: Surface, reaching: Any) -> bool:
         warn_once(f"one of the formulas {names} cannot be compiled: {reason}")
         return False
     return True
+
+
+def lane_addresses(surface: Surface, reaching: Any) -> tuple[int, int] | None:
+    """Return the loops in lanes of a surface and a reaching law that `can_pack`.
+
+    Returns:
+        Their addresses; None where a formula has conditions that are not written with `select` and `any_of`.
+    """
+    return _lane_addresses(_within_bound(surface).formula, reaching.formula)
+
+
+@functools.cache
+def _lane_addresses(surface: Formula, reaching: Formula) -> tuple[int, int] | None:
+    try:
+        return surface_address(surface, in_lanes=True), reaching_address(reaching, in_lanes=True)
+    except NumbaError:
+        return None
 
 
 def pack_law(law: ControlLaw) -> LawTables:

@@ -11,6 +11,7 @@ from numba import types
 from ..._common.arrays import Array
 from ..._numba.compile import inline, kernel, routine
 from ..._numba.formulas import helper
+from ..._numba.lanes import any_of, select
 from ..._numba.layouts.objects import (
     DONE,
     NOTHING,
@@ -83,9 +84,6 @@ from .limits import bounds, put_flags, within_limits
 
 _clip, _demanded = helper(clip), helper(demanded_acceleration)
 
-WITHIN, EXCEEDED = 0, 1
-"""Whether the torque of the law is within the limits."""
-
 
 @inline
 def whole_tick(
@@ -112,7 +110,7 @@ def whole_tick(
         return False
     before_torque(arm, law, work, state, given, block)  # filter, errors, surface, reaching law
     model_torque(arm, space, law, work, given)
-    if after_torque(arm, law, work.torque, given.v, given.tau_ext, state, block) == EXCEEDED:
+    if after_torque(arm, law, work.torque, given.v, given.tau_ext, state, block):
         rigid_body.mass_matrix(arm, space, work.mass)
         within_limits(law, work, state, block)
     return True
@@ -128,17 +126,24 @@ def is_sound(arm: ArmTables, given: TickInputs) -> bool:
         return False
     if len(v) != n or len(v_d) != n or len(a_d) != n or len(tau_ext) != n:
         return False
-    zero: float = 0.0  # NaN as soon as one number is not finite
-    for i in range(nq):
-        zero += q[i] * 0.0 + q_d[i] * 0.0
-    for j in range(n):
-        zero += v[j] * 0.0 + v_d[j] * 0.0 + a_d[j] * 0.0 + tau_ext[j] * 0.0
     if nq != n:
         for j in range(n):
             i = topology[j, Q_INDEX]
             if topology[j, KIND] == CONTINUOUS and not (_is_unit(q, i) and _is_unit(q_d, i)):
                 return False
-    return zero == 0.0
+    return zero_if_finite(given) == 0.0
+
+
+@inline
+def zero_if_finite(given: TickInputs) -> float:
+    """NaN as soon as one number is not finite."""
+    q, v, q_d, v_d, a_d, tau_ext = given
+    zero = 0.0
+    for i in range(len(q)):
+        zero += q[i] * 0.0 + q_d[i] * 0.0
+    for j in range(len(v)):
+        zero += v[j] * 0.0 + v_d[j] * 0.0 + a_d[j] * 0.0 + tau_ext[j] * 0.0
+    return zero
 
 
 @inline
@@ -163,7 +168,7 @@ def before_torque(
     """
     is_clipped = _follow(arm, law, scratch, state, given, block)  # eqs. (3), (4)
     surface(law, scratch, block, is_clipped)  # eqs. (6), (7)
-    reaching(law, scratch, state[0, TICKS] == 0.0)
+    reaching(law, scratch, any_of(state[0, TICKS] == 0.0))
     joints = scratch.joints
     for j in range(len(block)):
         u = joints[U_ROW, j]
@@ -195,9 +200,9 @@ def _follow(
         joints[SEEN_E1, j], joints[E2_ROW, j] = _clip(e1, -bound, bound), e2
         joints[Z_ROW, j], joints[X_ROW, j] = state[j, NEXT_Z], state[j, NEXT_X]
         joints[A_ROW, j] = state[j, NEXT_A]
-        if abs(e1) > bound:
-            block[j, FLAGS] += CLIPPED
-            is_clipped = True
+        is_beyond = abs(e1) > bound
+        block[j, FLAGS] += select(is_beyond, CLIPPED, 0.0)
+        is_clipped = is_clipped or any_of(is_beyond)
     return is_clipped
 
 
@@ -228,8 +233,8 @@ def after_torque(
     tau_ext: Array,
     state: Array,
     block: Array,
-) -> int:
-    """Write the motor torque from the model's; `EXCEEDED` where a limit asks for `within_limits`.
+) -> bool:
+    """Write the motor torque from the model's; whether a limit is exceeded and asks for `within_limits`.
 
     Args:
         arm: The arm.
@@ -240,18 +245,17 @@ def after_torque(
         state: Block of the tick before.
         block: Block of this tick.
     """
-    status = WITHIN
+    exceeded = False
     for j in range(len(v)):
         tau = torque[j]
         if law.choices[0, KNOWLEDGE] == FULL:
             tau += friction(arm.joints, j, v[j])
         tau -= tau_ext[j]
         lower, upper = bounds(law, j, state)
-        if tau < lower or tau > upper:
-            status = EXCEEDED
+        exceeded = exceeded | (tau < lower) | (tau > upper)
         block[j, TAU] = tau
         put_flags(law, j, state, block, True)
-    return status
+    return exceeded
 
 
 class LawWords(NamedTuple):
@@ -325,7 +329,7 @@ def _after(
 ) -> Any:
     arm, law = opened(fixed)
     block = opened(held).block
-    if after_torque(arm, law, torque, v, tau_ext, state, block) == EXCEEDED:
+    if after_torque(arm, law, torque, v, tau_ext, state, block):
         return _returned(NOTHING, block)
     return _made(block, state, tau)
 

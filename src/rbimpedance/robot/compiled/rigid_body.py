@@ -15,6 +15,7 @@ import math
 
 from ..._common.arrays import Array
 from ..._numba.compile import fused, routine
+from ..._numba.lanes import any_of
 from ..pinocchio_dynamics import COULOMB_SMOOTHING
 from .spatial import (
     Inertia,
@@ -279,10 +280,10 @@ def mass_matrix(arm: ArmTables, space: Workspace, M: Array) -> None:
 @fused
 def friction(joints: Array, j: int, v: float) -> float:
     """Friction torque of joint j; see `PinocchioDynamics`."""
-    torque: float = joints[j, VISCOUS] * v
-    if joints[j, COULOMB] != 0.0:
+    torque = joints[j, VISCOUS] * v
+    if any_of(joints[j, COULOMB] != 0.0):
         torque += joints[j, COULOMB] * math.tanh(v / COULOMB_SMOOTHING)
-    return torque
+    return torque  # type: ignore[no-any-return]
 
 
 @fused

@@ -12,6 +12,7 @@ from typing import TypeAlias
 
 from ..._common.arrays import Array
 from ..._numba.compile import fused, routine
+from ..._numba.lanes import any_of, select
 from ...law import vectors
 from ...law.vectors import Matrix, Vector
 
@@ -323,14 +324,14 @@ def cosines_and_sines(angles: Array, cosines: Array, sines: Array) -> None:
         sines: Where the sines go, as long.
     """
     largest = 0.0
-    for x in angles:
-        largest = max(largest, abs(x))
-    if largest <= LARGEST_ANGLE:
-        for i in range(len(angles)):
-            cosines[i], sines[i] = _cosine_and_sine(angles[i])
-    else:
+    for i in range(len(angles)):
+        largest = max(largest, abs(angles[i]))
+    if any_of(largest > LARGEST_ANGLE):
         for i in range(len(angles)):
             cosines[i], sines[i] = math.cos(angles[i]), math.sin(angles[i])
+    else:
+        for i in range(len(angles)):
+            cosines[i], sines[i] = _cosine_and_sine(angles[i])
 
 
 @fused
@@ -338,11 +339,9 @@ def _cosine_and_sine(x: float) -> tuple[float, float]:
     quarters = math.floor(x * _TWO_OVER_PI + 0.5)
     r = ((x - quarters * _HALF_PI[0]) - quarters * _HALF_PI[1]) - quarters * _HALF_PI[2]
     cos, sin = _cosine(r * r), _sine(r, r * r)
-    if _is_odd(quarters):
-        cos, sin = -sin, cos
-    if _is_odd(math.floor(0.5 * quarters)):
-        cos, sin = -cos, -sin
-    return cos, sin
+    is_turned, is_opposite = _is_odd(quarters), _is_odd(math.floor(0.5 * quarters))
+    cos, sin = select(is_turned, -sin, cos), select(is_turned, cos, sin)
+    return select(is_opposite, -cos, cos), select(is_opposite, -sin, sin)
 
 
 @fused

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..._common.arrays import Array, vector
 from ..._numba.compile import routine
+from ..._numba.lanes import any_of, select
 from ...interaction import FrameWrench, Interaction, JointTorque, Push, Sum, Wall
 from ...interaction.wrenches import Constant, Nothing, TimeFunction
 from ...robot.arm_model import ArmModel
@@ -109,10 +110,11 @@ def _add_wall(
     x, n = frame_origin(poses, environment.frames, i, joint), get_vector(walls, i, NORMAL)
     travel = environment.drive[row, DRIVE * i + DISPLACEMENT]
     depth = dot(n, add(get_vector(walls, i, POINT), scale(-1.0, x))) + travel
-    if depth <= 0.0:
+    if not any_of(depth > 0.0):
         return
     rate = environment.drive[row, DRIVE * i + SPEED] - point_speed(plant, poses, joint, x, n, v)
     push = max(0.0, walls[i, STIFFNESS] * depth + walls[i, DAMPING] * rate)
+    push = select(depth > 0.0, push, 0.0)
     add_force(plant, poses, joint, x, ((0.0, 0.0, 0.0), scale(push, n)), torque)
 
 
@@ -177,6 +179,11 @@ class EnvironmentTables:
         for i, part in enumerate(drives):
             drive[:, DRIVE * i : DRIVE * i + part.shape[1]] = part
         return Drive(torque, drive)
+
+    @property
+    def contacts(self) -> NDArray[np.int64]:
+        """See `Environment.contacts`."""
+        return self._contacts
 
     def driven(self, drive: Drive) -> Environment:
         """Return what pushes on the arm."""

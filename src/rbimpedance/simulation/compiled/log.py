@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..._common.arrays import Array
 from ..._numba.compile import fused, inline
+from ..._numba.lanes import select
 from ...control.compiled.block import (
     BIT_OF,
     E1,
@@ -126,8 +127,8 @@ def impedance_error(target: Array, block: Array, e3: Array, e_im: Array) -> None
 def _share(target: Array, i: int, k: int, apart: int, block: Array, j: int, e3: Array) -> float:
     """What the errors of joint j give to e_im of joint i, whose entries begin at column k of the target."""
     m, d, s = target[i, k], target[i, k + apart], target[i, k + 2 * apart]
-    share: float = _impedance_error(m, d, s, block[j, E1], block[j, E2], e3[j])
-    return share
+    share = _impedance_error(m, d, s, block[j, E1], block[j, E2], e3[j])
+    return share  # type: ignore[no-any-return]
 
 
 @fused
@@ -195,8 +196,8 @@ def note(figures: MetricSums, k: int, block: Array, e_im: Array) -> None:
     for j in range(len(table)):
         e1, tau = block[j, E1], block[j, TAU]
         for i in range(len(figures.tolerances)):
-            if abs(e1) > figures.tolerances[i]:
-                table[j, LAST_OUTSIDE + i] = k
+            is_outside = abs(e1) > figures.tolerances[i]
+            table[j, LAST_OUTSIDE + i] = select(is_outside, k, table[j, LAST_OUTSIDE + i])
         if k < figures.after[0]:
             continue
         _note_size(table, j, 0, e1)

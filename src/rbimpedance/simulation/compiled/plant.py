@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from ..._common.arrays import Array
 from ..._numba.compile import fused, routine
+from ..._numba.lanes import any_of, select
 from ...control.compiled.law import add_angle
 from ...robot.compiled import rigid_body
 from ...robot.compiled.rigid_body import friction, place_joints
@@ -109,22 +110,24 @@ def update_acceleration(plant: PlantTables, space: Workspace, motion: PlantMotio
 @fused
 def acting_torque(plant: PlantTables, motion: PlantMotion, j: int) -> float:
     """Torque of motor, environment, friction and stops on joint j."""
-    torque: float = motion.tau[j] + motion.tau_ext[j] - friction(plant.arm.joints, j, motion.v[j])
-    return torque + _stop_torque(plant, motion, j) if len(plant.stops) else torque
+    torque = motion.tau[j] + motion.tau_ext[j] - friction(plant.arm.joints, j, motion.v[j])
+    if len(plant.stops):
+        torque += _stop_torque(plant, motion, j)
+    return torque  # type: ignore[no-any-return]
 
 
 @fused
 def _stop_torque(plant: PlantTables, motion: PlantMotion, j: int) -> float:
     """max(0, k·δ + d·δ̇) back towards the range, where joint j is δ beyond it; see `JointStops`."""
     stops, i = plant.stops, plant.arm.topology[j, Q_INDEX]
-    x: float = motion.q[i]
+    x = motion.q[i]
     if plant.arm.topology[j, KIND] == CONTINUOUS:
         x = math.atan2(motion.q[i + 1], x)
     above, below = x - stops[j, UPPER], stops[j, LOWER] - x
-    push: float = stops[j, DAMPING] * motion.v[j]
-    if above > 0.0:
-        return -max(0.0, float(stops[j, STIFFNESS] * above + push))
-    return max(0.0, float(stops[j, STIFFNESS] * below - push)) if below > 0.0 else 0.0
+    push = stops[j, DAMPING] * motion.v[j]
+    down = -max(0.0, stops[j, STIFFNESS] * above + push)
+    up = max(0.0, stops[j, STIFFNESS] * below - push)
+    return select(above > 0.0, down, select(below > 0.0, up, 0.0))  # type: ignore[no-any-return]
 
 
 @fused
@@ -151,10 +154,12 @@ def undamp(plant: PlantTables) -> None:
 @fused
 def _friction_slope(joints: Array, j: int, v: float) -> float:
     """D(v) = tau_f(v)/v of joint j."""
-    x = v / COULOMB_SMOOTHING
-    secant = math.tanh(x) / x if abs(x) > 1e-8 else 1.0
-    slope: float = joints[j, VISCOUS] + joints[j, COULOMB] / COULOMB_SMOOTHING * secant
-    return slope
+    slope = joints[j, VISCOUS]
+    if any_of(joints[j, COULOMB] != 0.0):
+        x = v / COULOMB_SMOOTHING
+        x = select(abs(x) > 1e-8, x, 1e-8)
+        slope += joints[j, COULOMB] / COULOMB_SMOOTHING * (math.tanh(x) / x)
+    return slope  # type: ignore[no-any-return]
 
 
 @fused
