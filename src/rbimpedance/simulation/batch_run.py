@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -13,17 +12,12 @@ import numpy as np
 from .._common.arrays import Array
 from ..exceptions import DivergenceError, ParameterError
 from .closed_loop import ClosedLoop, empty_channels, run
-from .compiled_runs import check_inputs, verified_world
+from .compiled_runs import verified_world
 from .driven_runs import DrivenRun, driven_run, has_driven_form
 from .result import SETTLING_TOLERANCES, SimulationResult
-from .sampling import sample, tick_times
 
 if TYPE_CHECKING:
-    from ..trajectories import Reference
-    from .compiled.environment import Drive
-    from .compiled.log import MetricSums
     from .compiled.loop import Controlled
-    from .compiled.world import World
 
 METRICS = (
     *(f"{name}_{kind}" for name in ("e1", "e2", "e_im") for kind in ("max", "rms")),
@@ -33,7 +27,6 @@ METRICS = (
 )
 """Figures of `SimulationResult.metrics` that a batch keeps up to date."""
 
-_PORTIONS = 8  # in which each thread gets its worlds, so that none waits long for the others
 _STATES = 2  # at which each plant is compared with Pinocchio's; the controllers' arms at all
 
 
@@ -103,7 +96,10 @@ def run_worlds(
     compiled = {i: world for i, world in worlds.items() if world is not None}
     left = [i for i, world in worlds.items() if world is None]
     if compiled:
-        left += _Threads(loops, compiled, log, after).run(min(threads, len(compiled)))
+        from .compiled.batch import CompiledWorlds  # noqa: PLC0415 (Numba is loaded when needed)
+
+        first = None if after is None else _first_tick(after, loops[0])
+        left += CompiledWorlds(loops, compiled, log, first).run(threads)
     if driven:
         left += _run_on_drives(loops, driven, log, after, threads)
     for i in left:
@@ -173,92 +169,3 @@ def _keep(
         figures = result.metrics(after=after)
         for name, rows in log.metrics.items():
             rows[i] = figures[name]
-
-
-class _Threads:
-    """The worlds that have a compiled form, run block of ticks by block, each block by all threads."""
-
-    def __init__(
-        self,
-        loops: list[ClosedLoop],
-        worlds: Mapping[int, World],
-        log: BatchLog,
-        after: float | None,
-    ) -> None:
-        from .compiled.log import empty_figures  # noqa: PLC0415 (Numba is loaded when needed)
-
-        self.loops, self.worlds, self.log = loops, worlds, log
-        self.unsound: list[int] = []
-        self.figures: dict[int, MetricSums] = {}
-        if after is not None:
-            first, tolerances = _first_tick(after, loops[0]), np.array(SETTLING_TOLERANCES)
-            nv = loops[0].plant.nv
-            self.figures = {i: empty_figures(nv, tolerances, first) for i in worlds}
-        users = Counter(id(x) for i in worlds for x in (loops[i].trajectory, loops[i].environment))
-        self.shared = {identity for identity, count in users.items() if count > 1}
-
-    def run(self, threads: int) -> list[int]:
-        """Run them; return those that are left to the readable form."""
-        settings = next(iter(self.worlds.values())).settings
-        with ThreadPoolExecutor(threads) as pool:
-            for block in settings.blocks():
-                going = [i for i in self.worlds if self._goes_on(i)]
-                samples = self._shared_samples(block, going)
-                portions = [going[k :: threads * _PORTIONS] for k in range(threads * _PORTIONS)]
-                tasks = [pool.submit(self._run_portion, block, x, samples) for x in portions if x]
-                for task in tasks:
-                    task.result()
-        for i, world in self.worlds.items():
-            self.log.q[i], self.log.v[i] = world.memory.motion.q, world.memory.motion.v
-            if i in self.figures and self._goes_on(i):
-                self._put_metrics(i, settings.ticks)
-        return self.unsound
-
-    def _goes_on(self, i: int) -> bool:
-        return i not in self.log.divergence and i not in self.unsound
-
-    def _shared_samples(self, block: range, going: list[int]) -> dict[int, Any]:
-        """References and drives that several worlds share, by identity of trajectory and environment."""
-        samples: dict[int, Any] = {}
-        for i in going:
-            loop = self.loops[i]
-            parts = (loop.trajectory, self._reference), (loop.environment, self._drive)
-            for part, sampled in parts:
-                if id(part) in self.shared and id(part) not in samples:
-                    samples[id(part)] = sampled(i, block)
-        return samples
-
-    def _reference(self, i: int, block: range) -> Reference:
-        loop = self.loops[i]
-        times = tick_times(block, loop.controller.dt)
-        return sample(loop.controller.arm, loop.trajectory, times)
-
-    def _drive(self, i: int, block: range) -> Drive:
-        world = self.worlds[i]
-        return world.surroundings.sampled(world.times(block))
-
-    def _run_portion(self, block: range, portion: list[int], samples: dict[int, Any]) -> None:
-        """Run some worlds, in one thread."""
-        from .compiled.log import journal  # noqa: PLC0415
-        from .compiled.world import Block, desk  # noqa: PLC0415
-
-        log, plant = self.log, self.loops[portion[0]].plant
-        space = desk(plant.nq, plant.nv)
-        for i in portion:
-            loop, world = self.loops[i], self.worlds[i]
-            reference = samples.get(id(loop.trajectory)) or self._reference(i, block)
-            drive = samples.get(id(loop.environment)) or self._drive(i, block)
-            book = journal({name: x[i] for name, x in log.channels.items()}, log.every)
-            outcome = world.run(Block(block, reference, drive, space, book, self.figures.get(i)))
-            if outcome.ending == "diverged":
-                log.end_early(i, outcome.tick, loop.plant.joint_names[outcome.joint])
-            elif outcome.ending == "unsound":
-                check_inputs(loop, world, reference, outcome.tick - block.start)
-                self.unsound.append(i)
-
-    def _put_metrics(self, i: int, ticks: int) -> None:
-        from .compiled.log import figures_of_merit  # noqa: PLC0415
-
-        merits = figures_of_merit(self.figures[i], ticks, self.loops[i].controller.dt)
-        for name, figure in zip(METRICS, merits, strict=True):
-            self.log.metrics[name][i] = figure

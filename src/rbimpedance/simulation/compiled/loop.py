@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..._common.arrays import Array
 from ..._numba.compile import fused, kernel
 from ..._numba.layouts.arrays import Borrowed
+from ..._numba.layouts.lane_arrays import LaneArray, LaneNumbers
 from ..._numba.layouts.tables import Held, opened
 from ...control.compiled.block import A_R, TAU
 from ...control.compiled.law import LawTables, Scratch, TickInputs
@@ -204,14 +205,22 @@ def record(
     figures: MetricSums,
 ) -> None:
     """Write a tick to the journal and the figures of merit."""
-    e3, e_im = desk.v_d, desk.e_im  # the reference's buffer is reused
+    update_impedance_error(controlled, desk, motion, block)
+    if k % journal.every[0] == 0:
+        write(journal, controlled.arm, k // journal.every[0], motion, block, desk.e_im)
+    if len(figures.table):
+        note(figures, k, block, desk.e_im)
+
+
+@fused
+def update_impedance_error(
+    controlled: Controlled, desk: LoopWorkspace, motion: PlantMotion, block: Array
+) -> None:
+    """Write the impedance error of a tick to the desk."""
+    e3 = desk.v_d  # the reference's buffer is reused
     for j in range(len(e3)):
         e3[j] = block[j, A_R] - motion.a[j]
-    impedance_error(controlled.target, block, e3, e_im)
-    if k % journal.every[0] == 0:
-        write(journal, controlled.arm, k // journal.every[0], motion, block, e_im)
-    if len(figures.table):
-        note(figures, k, block, e_im)
+    impedance_error(controlled.target, block, e3, desk.e_im)
 
 
 @fused
@@ -225,19 +234,36 @@ def _physics_step(
     motion: PlantMotion,
 ) -> None:
     """One step of the plant; the acceleration at the first one of a period is known from the tick."""
-    h, integrator = clock.step[0], clock.ticks[INTEGRATOR]
+    if clock.ticks[INTEGRATOR] != RUNGE_KUTTA:
+        semi_implicit_step(plant, environment, desk, clock, row, is_first, motion)
+        return
     if not is_first:
         update_tau_ext(plant, desk.plant, environment, row, motion.q, motion)
-    if integrator == STIFF:
+        update_acceleration(plant, desk.plant, motion)
+    runge_kutta_step(plant, desk.plant, environment, desk.stages, row, motion, clock.step[0])
+
+
+@fused
+def semi_implicit_step(
+    plant: PlantTables,
+    environment: Environment,
+    desk: LoopWorkspace,
+    clock: Clock,
+    row: int,
+    is_first: bool,
+    motion: PlantMotion,
+) -> None:
+    """One step of semi-implicit Euler, which may take friction at the step's end; see `_physics_step`."""
+    h = clock.step[0]
+    if not is_first:
+        update_tau_ext(plant, desk.plant, environment, row, motion.q, motion)
+    if clock.ticks[INTEGRATOR] == STIFF:
         damp(plant, motion.v, h)
         update_acceleration(plant, desk.plant, motion)
         undamp(plant)
     elif not is_first:
         update_acceleration(plant, desk.plant, motion)
-    if integrator == RUNGE_KUTTA:
-        runge_kutta_step(plant, desk.plant, environment, desk.stages, row, motion, h)
-    else:
-        euler_step(plant, motion, h)
+    euler_step(plant, motion, h)
 
 
 @fused
@@ -270,6 +296,8 @@ def rollout(arguments: tuple[Any, ...]) -> Callable[..., Any]:
 
 def own_type(value: Any) -> types.Type:
     """Return the type of an array that the package itself has made, or of a named tuple of such."""
+    if isinstance(value, LaneNumbers):
+        return LaneArray(value.ndim - 1)
     if isinstance(value, np.ndarray):
         return Borrowed(from_dtype(value.dtype), value.ndim, trusted=True)
     if type(value) is tuple:  # of arrays of one kind
