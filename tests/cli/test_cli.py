@@ -424,7 +424,7 @@ def test_robots_of_a_name_are_those_whose_names_contain_it(
         ("Gen3", "did you mean 'gen3_description' of robot_descriptions"),
         ("iiwa", "'iiwa14_description'"),
         ("yumi", "'yumi_description'"),
-        ("UR5e", "did you mean 'ur5'"),
+        ("UR5e", "'ur5e_description'"),
     ],
 )
 def test_name_of_a_maker_leads_to_its_robots(

@@ -178,3 +178,10 @@ def test_view_takes_its_old_option_and_warns(
         capsys.readouterr().err == "warning: --out arm.html is deprecated; write --html arm.html\n"
     )
     assert (tmp_path / "arm.html").exists()
+
+
+def test_control_period_that_no_arm_is_controlled_with_is_refused_at_once(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(monkeypatch, "run", "two_link", "--dt", "1") == 2
+    assert "--dt must be a control period in seconds, at most 0.1" in capsys.readouterr().err

@@ -569,3 +569,22 @@ def test_warmed_up_guard_compiles_nothing_at_its_first_tick() -> None:
         "print(len(recorder.buffer))\n"
     )
     assert said.stdout.strip() == "0"
+
+
+def test_arm_without_a_position_asks_for_brakes_before_an_offset_of_its_speed_takes_it_far() -> (
+    None
+):
+    """q is lost for good, v is measured 0.02 rad/s too low: the arm that seems to rest drifts."""
+    arm = rbi.load_robot("two_link")
+    guard = FaultGuard(law(arm), "stop", longest_drift=0.5)
+
+    def lose_position(k: int, inputs: dict[str, Any]) -> None:
+        if k >= 300:
+            inputs["q"], inputs["v"] = np.full(2, np.nan), inputs["v"] - 0.02
+
+    outputs, q, *_ = run(guard, lose_position, 1500, trajectory=hold(arm, arm.neutral))
+    asked = [k for k, output in enumerate(outputs) if output.brakes_requested]
+    assert asked
+    assert 798 <= asked[0] <= 802  # half a second
+    assert np.abs(q[asked[0]] - q[300]).max() < 0.5 * 0.025
+    assert all(output.brakes_requested for output in outputs[asked[0] :])

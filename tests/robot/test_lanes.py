@@ -91,7 +91,10 @@ def test_powers_are_right_to_two_units_in_the_last_place(rng: np.random.Generato
     x[0], x[1, :6] = 0.0, [np.nan, np.inf, 5e-324, 1e-310, 1.0, 1e308]
     kernel(loop, (LANE_VECTOR,) * 3)(x, p, result)
     with np.errstate(all="ignore"):
-        expected = [[float(np.float64(a) ** b) for a, b in zip(*row, strict=True)] for row in zip(x, p, strict=True)]
+        expected = [
+            [float(np.float64(a) ** b) for a, b in zip(*row, strict=True)]
+            for row in zip(x, p, strict=True)
+        ]
     assert_allclose(result, expected, rtol=4.5e-16, atol=0.0)
 
 
@@ -137,7 +140,9 @@ def test_recursions_in_lanes_are_bit_identical_to_those_of_one_arm(
         joints, q, given, out = (
             lane_array(*shape) for shape in (tables[0].joints.shape, (nq,), (2, nv), (nv,))
         )
-        space = Workspace(*(lane_array(nv) for _ in range(3)), lane_array(*workspace(nv).rows.shape))
+        space = Workspace(
+            *(lane_array(nv) for _ in range(3)), lane_array(*workspace(nv).rows.shape)
+        )
         given[...] = rng.normal(size=given.shape)
         for i, table in enumerate(tables):
             joints[..., i], q[:, i] = table.joints, base.random_configuration(rng)

@@ -21,6 +21,17 @@ from rbimpedance.robot.loading.robot_sources import bundled_names, bundled_urdf,
 from ..arms import spinner_urdf
 
 
+def test_name_of_a_file_without_its_ending_leads_to_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "mine.urdf").write_text("<robot name='mine'/>", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(
+        rbi.ModelError, match=r"no robot is called 'mine'; did you mean 'mine\.urdf'"
+    ):
+        rbi.load_robot("mine")
+
+
 def test_missing_file_is_named_with_its_neighbours(tmp_path: Path) -> None:
     (tmp_path / "spinner.urdf").write_text(spinner_urdf())
     with pytest.raises(

@@ -166,16 +166,21 @@ def _lane_by_lane(function: Any) -> Callable[..., Any]:
 
 def _extreme(symbol: str) -> Callable[..., Any]:
     """The second where it is beyond the first, as Python's `min` and `max` choose."""
-    return lambda context, builder, x, y: builder.select(
-        builder.fcmp_ordered(symbol, y, x), y, x
-    )
+    return lambda context, builder, x, y: builder.select(builder.fcmp_ordered(symbol, y, x), y, x)
 
 
 _ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "truediv": "fdiv"}
 for _name, _instruction_name in _ARITHMETIC.items():
     for _operator in (getattr(operator, _name), getattr(operator, f"i{_name}")):
         _define(_operator, Lanes, LANES, _instruction(_instruction_name))
-for _name, _symbol in {"lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!="}.items():
+for _name, _symbol in {
+    "lt": "<",
+    "le": "<=",
+    "gt": ">",
+    "ge": ">=",
+    "eq": "==",
+    "ne": "!=",
+}.items():
     _define(getattr(operator, _name), Lanes, MASK, _compared(_symbol))
 for _operator, _name in ((operator.and_, "and_"), (operator.or_, "or_")):
     _define(_operator, Mask, MASK, _instruction(_name))

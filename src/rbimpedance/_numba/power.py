@@ -111,9 +111,7 @@ def _scaled(typing: Any, x: Any, k: Any) -> Any:
     def emit(context: Any, builder: Any, given: Any, values: Any) -> Any:
         del context, given
         x, k = values
-        whole = builder.bitcast(
-            builder.fadd(k, builder.bitcast(_wholes(_MAGIC), VECTOR)), _WHOLES
-        )
+        whole = builder.bitcast(builder.fadd(k, builder.bitcast(_wholes(_MAGIC), VECTOR)), _WHOLES)
         bits = builder.shl(builder.add(whole, _wholes(1023)), _wholes(52))
         return builder.fmul(x, builder.bitcast(bits, VECTOR))
 

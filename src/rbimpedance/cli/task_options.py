@@ -27,6 +27,10 @@ _unknown = partial(option, "Unknown")
 _target = partial(option, "Target")
 
 
+LONGEST_DT = 0.1
+"""Longest control period of a run [s]; no arm is controlled more slowly."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class MotionOptions:
     """The reference: a cosine about a centre."""
@@ -227,14 +231,16 @@ class Task(NamedTuple):
             self._check()
 
     def _check(self) -> None:
-        positive_number("dt", self.motion.dt, "control period in seconds")
+        dt = positive_number("dt", self.motion.dt, "control period in seconds")
+        if dt > LONGEST_DT:
+            raise ParameterError("dt", dt, f"a control period in seconds, at most {LONGEST_DT:g}")
         positive_number("duration", self.motion.duration, "length in seconds")
         positive_number("accuracy", self.target.accuracy, "error")
         self.unknown.uncertainty()
         self.unknown.plant(self.arm)
         self.trajectory()
         self.start()
-        impedance, dt = self.impedance(), self.motion.dt
+        impedance = self.impedance()
         if isinstance(impedance, Impedance):
             impedance.filter(self.arm.nv, dt)
         limits = self.target.torque_limits(self.arm)

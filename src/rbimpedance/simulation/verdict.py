@@ -26,7 +26,7 @@ FALLING = 0.8
 BEYOND = 0.01
 """Distance beyond a position limit that a joint may have, as on a stop that yields [rad or m]."""
 
-DEVIATION, SHARE_OF_DEVIATION = {"rad": 0.1, "m": 0.02}, 0.5
+DEVIATION, SHARE_OF_DEVIATION = {"rad": 0.1, "m": 0.02}, 0.25
 """Deviation that may be passed through: this much where the reference rests, by unit, and a part of its range."""
 
 AT_THE_START = 1.5, 0.5

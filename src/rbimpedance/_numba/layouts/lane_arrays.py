@@ -187,7 +187,9 @@ def lane_column(typing: Any, matrix: Any, column: Any, count: Any) -> Any:
 
     def emit(context: Any, builder: Any, given: Any, values: Any) -> Any:
         addresses = [
-            element_address(context, builder, LANE_MATRIX, values[0], (values[1].type(i), values[1]))
+            element_address(
+                context, builder, LANE_MATRIX, values[0], (values[1].type(i), values[1])
+            )
             for i in range(number)
         ]
         lanes = [builder.load(address, align=ALIGNMENT) for address in addresses]

@@ -6,7 +6,19 @@ from collections.abc import Iterable
 
 from ..._common.suggestions import suggest
 
-_ALONE = ("aloha", "fetch", "gen2", "gen3", "iiwa14", "iiwa7", "piper", "yumi")
+_ALONE = (
+    "aloha",
+    "fetch",
+    "gen2",
+    "gen3",
+    "iiwa14",
+    "iiwa7",
+    "piper",
+    "ur10e",
+    "ur3e",
+    "ur5e",
+    "yumi",
+)
 
 NICKNAMES = {
     **{name: (f"{name}_description",) for name in _ALONE},

@@ -122,7 +122,8 @@ def _read_string(source: str, reading: Reading) -> RobotText:
         raise MissingExtraError(
             f"the robot_descriptions name '{shortened(source)}'", "descriptions"
         )
-    near = suggest_robot(source, known_names())
+    files = [source + suffix for suffix in SUFFIXES if is_file(Path(source + suffix))]
+    near = f"; did you mean '{files[0]}'" if files else suggest_robot(source, known_names())
     raise ModelError(f"no robot is called '{source}'{near.removesuffix('?')}; {_KINDS_OF_SOURCE}")
 
 

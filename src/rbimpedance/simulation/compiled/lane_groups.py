@@ -121,9 +121,7 @@ class LaneGroup:
         self._controlled = controlled._replace(law=controlled.law._replace(choices=choices))
         self._plant = stacked(_eight([world.plant for world in worlds]))
 
-    def run(
-        self, block: range, members: Sequence[LaneMember], space: Any, every: int
-    ) -> Array:
+    def run(self, block: range, members: Sequence[LaneMember], space: Any, every: int) -> Array:
         """Do a block of ticks, without the interpreter's lock.
 
         Args:
@@ -188,9 +186,7 @@ def _lane_log(channels: Mapping[str, Array], block: range, every: int, nv: int) 
     return LaneLog(lane_array(samples * len(columns), nv), columns, np.array([every, first]))
 
 
-def _put_samples(
-    log: LaneLog, block: range, members: Sequence[LaneMember], ended: Array
-) -> None:
+def _put_samples(log: LaneLog, block: range, members: Sequence[LaneMember], ended: Array) -> None:
     """Write the samples of a block to the channels of the worlds."""
     if len(log.columns) == 0:
         return
