@@ -7,8 +7,8 @@ import pytest
 
 import rbimpedance as rbi
 from benchmarks.control.hardware import interaction
-from benchmarks.control.hardware.cases import PUSH, USUAL, Case, evaluated, simulated
-from benchmarks.control.hardware.linear_compiled import compiled_run
+from benchmarks.control.hardware.cases import USUAL, Case, evaluated, simulated
+from benchmarks.control.hardware.linear_compiled import LinearRuns
 from benchmarks.control.hardware.linear_laws import LAWS
 
 SETTINGS = [(30.0, 100.0), (20.0, 80.0), (15.0, 60.0, 12.0), (40.0, 40.0)]
@@ -22,19 +22,18 @@ def test_compiled_run_of_a_linear_law_is_that_of_simulate(
     case, law, hardware = Case("kinova"), LAWS[label], rbi.Hardware(encoder_bits=19, **USUAL)
     controller = law.build(case.model(), hardware, at)
     alone = simulated(case, controller, hardware, case.motion(), length=0.6)
-    given = case.model(), case.plant(), hardware, case.motion(), PUSH, 0.6
-    t, q, q_r, tau = compiled_run(law, at, *given)
-    assert np.array_equal(t, alone.t)
-    for found, expected in ((q, alone.q), (q_r, alone.q_r), (tau, alone.tau)):
-        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-10)
+    runs = LinearRuns(case, hardware, 0.6)
+    assert np.array_equal(runs.t, alone.t)
+    for name, found in runs.run(law, at)._asdict().items():
+        np.testing.assert_allclose(found, getattr(alone, name), rtol=1e-9, atol=1e-10)
 
 
 @pytest.mark.slow
 def test_run_that_is_lost_is_no_candidate() -> None:
     case, law = Case("z1"), LAWS["computed torque + integral, differences"]
     hardware = rbi.Hardware(encoder_bits=19, **USUAL)
-    given = case.model(), case.plant(), hardware, case.motion(), PUSH, 2.5
-    found = evaluated(case.plant(), *compiled_run(law, (1000.0, 1e4), *given), 2.5)
+    runs = LinearRuns(case, hardware, 2.5)
+    found = evaluated(case.plant(), runs.t, *runs.run(law, (1000.0, 1e4)))
     assert found == {"error": np.inf, "variation": np.inf}
 
 

@@ -125,12 +125,10 @@ def run(
         result = simulated(case, controller, hardware, motion, push, length, **more)
     except rbi.DivergenceError:
         return {"error": np.inf, "variation": np.inf}
-    return evaluated(case.plant(), result.t, result.q, result.q_r, result.tau, length)
+    return evaluated(case.plant(), result.t, result.q, result.q_r, result.tau)
 
 
-def evaluated(
-    plant: rbi.ArmModel, t: Array, q: Array, q_r: Array, tau: Array, length: float
-) -> dict[str, Any]:
+def evaluated(plant: rbi.ArmModel, t: Array, q: Array, q_r: Array, tau: Array) -> dict[str, Any]:
     """Error from 2 s on [rad], and torque variation [N·m/s]; infinite where the log ends in NaN."""
     late = t >= LATE
     if np.isnan(tau).any():
@@ -138,7 +136,7 @@ def evaluated(
     pairs = zip(q[late], q_r[late], strict=True)
     error = np.array([plant.raw_dynamics.difference(*pair) for pair in pairs])
     steps = np.abs(np.diff(tau[late], axis=0)).sum()
-    return {"error": float(np.abs(error).max()), "variation": float(steps / (length - LATE))}
+    return {"error": float(np.abs(error).max()), "variation": float(steps / (t[-1] - LATE))}
 
 
 def needed(case: Case, ripple: float, length: float = LENGTH) -> float:

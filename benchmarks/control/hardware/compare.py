@@ -32,8 +32,6 @@ from .cases import (
     BITS,
     CAP,
     COULOMB,
-    LENGTH,
-    PUSH,
     SHORT,
     USUAL,
     Case,
@@ -46,7 +44,7 @@ from .cases import (
 )
 from .engines import on_both
 from .interaction import shown, touched
-from .linear_compiled import compiled_run
+from .linear_compiled import LinearRuns
 from .linear_laws import FINER, LAWS, TARGET, Law, Settings, around
 
 ROTORS = (0.1, 0.5)
@@ -80,16 +78,19 @@ DRAWN = "panda"
 PARTS = ("ours", "standing", "laws", "springs", "ranges", "map", "engines", "impedance")
 
 
-def tuned(case: Case, hardware: rbi.Hardware, law: Law, cap: float) -> dict[str, Any]:
+def tuned(runs: LinearRuns, law: Law, cap: float) -> dict[str, Any]:
     """The settings with the least error among the quiet ones, or the quietest; coarse ones, then around the best.
 
     Args:
-        case: The arm.
-        hardware: What is between tick and links.
+        runs: Arm and hardware.
         law: The law.
         cap: Largest torque variation of a quiet one [N·m/s].
     """
-    run, found = linear_runs(case, hardware, law), list[dict[str, Any]]()
+    found = list[dict[str, Any]]()
+
+    def measured(at: Settings) -> dict[str, Any]:
+        log = runs.run(law, at)
+        return evaluated(runs.engine.arm, runs.t, *log) | {"settings": at}
 
     def best() -> dict[str, Any]:
         quiet = [each for each in found if each["variation"] <= cap]
@@ -97,23 +98,10 @@ def tuned(case: Case, hardware: rbi.Hardware, law: Law, cap: float) -> dict[str,
             return min(quiet, key=lambda each: each["error"])
         return min(found, key=lambda each: each["variation"])
 
-    found += [run(at) for at in law.coarse]
+    found += [measured(at) for at in law.coarse]
     for factor in FINER:
-        found += [run(at) for at in around(best()["settings"], factor)]
+        found += [measured(at) for at in around(best()["settings"], factor)]
     return best()
-
-
-def linear_runs(
-    case: Case, hardware: rbi.Hardware, law: Law
-) -> Callable[[Settings], dict[str, Any]]:
-    """Return what runs a law at settings on the heaviest plant."""
-    model, plant, motion = case.model(), case.plant(), case.motion()
-
-    def run(at: Settings) -> dict[str, Any]:
-        t, q, q_r, tau = compiled_run(law, at, model, plant, hardware, motion, PUSH, LENGTH)
-        return evaluated(plant, t, q, q_r, tau, LENGTH) | {"settings": at}
-
-    return run
 
 
 def laws(name: str, bits: int, need: float, said: Callable[[], None]) -> dict[str, Any]:
@@ -122,8 +110,9 @@ def laws(name: str, bits: int, need: float, said: Callable[[], None]) -> dict[st
     found: dict[str, Any] = {}
     usual = rbi.QuantizedEncoders.for_(hardware, rbi.ImpedanceController(case.model(), TARGET))
     found["default, differences"] = run(case, usual, hardware, case.motion())
+    runs = LinearRuns(case, hardware)
     for label, law in LAWS.items():
-        found[label] = tuned(case, hardware, law, CAP * need)
+        found[label] = tuned(runs, law, CAP * need)
         said()
     return found
 

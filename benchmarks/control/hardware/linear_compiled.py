@@ -29,6 +29,7 @@ from rbimpedance.simulation.driven_runs import _rows
 from rbimpedance.simulation.plants.compiled_drives import drive_tables
 from rbimpedance.simulation.sampling import sample, tick_times
 
+from .cases import LENGTH, PUSH, Case
 from .linear_laws import DISTURBANCE, DT, INTEGRAL, OBSERVED, PD, TARGET, Law, Settings
 
 SUBSTEPS = 4
@@ -81,53 +82,67 @@ class LinearLog(NamedTuple):
     tau: Array
 
 
-def compiled_run(
-    law: Law,
-    settings: Settings,
-    model: rbi.ArmModel,
-    plant: rbi.ArmModel,
-    hardware: rbi.Hardware,
-    motion: Any,
-    push: Any,
-    length: float,
-) -> tuple[Array, Array, Array, Array]:
-    """Return t, q, q_r and tau of a run from `plant.neutral` at rest; rows after a divergence are NaN.
+class LinearRuns:
+    """Runs of linear laws on the heaviest plant of a case, from its neutral configuration at rest.
 
     Args:
-        law: The law.
-        settings: Of it.
-        model: Of the controller, without friction.
-        plant: The simulated arm.
+        case: The arm.
         hardware: Its drives and encoders.
-        motion: Desired motion.
-        push: Of the environment.
-        length: Of the run [s].
+        length: Of the runs [s].
     """
-    ticks, nq, nv = round(length / DT), plant.nq, plant.nv
-    engine = rbi.DrivenPlant.for_(hardware, plant, DT)
-    started = engine.begin(np.array(plant.neutral), np.zeros(nv), DT / SUBSTEPS)
-    q0 = np.array(plant.neutral)
-    block = range(ticks + 1)
-    reference = ReferenceSamples(*_rows(sample(model, motion, tick_times(block, DT)), len(block)))
-    surroundings = EnvironmentTables(as_interaction(push), engine.arm)
-    steps = (np.array(block)[:, None] * DT + np.arange(SUBSTEPS) * (DT / SUBSTEPS)).ravel()
-    log = LinearLog(*(np.full((ticks + 1, n), np.nan) for n in (nq, nq, nv)))
-    pending = np.zeros((hardware.delay, nv))
-    arguments = (
-        _tables(law.kind, settings, model, hardware),
-        drive_tables(engine, DT / SUBSTEPS, hardware.count(model)),
-        surroundings.driven(surroundings.sampled(steps)),
-        reference,
-        LinearMemory(q0.copy(), q0.copy(), np.zeros((10, nv)), np.zeros((nv, nv)), pending),
-        _space(nq, nv),
-        DriveMemory(q0, np.zeros(nv), np.array(started.torque), np.array(started.pending)),
-        driven.drive_space(nq, nv),
-        log,
-    )
-    if not _KERNEL:
-        _KERNEL.append(kernel(_run, tuple(map(own_type, arguments))))
-    _KERNEL[0](*arguments)
-    return tick_times(block, DT), *log
+
+    def __init__(self, case: Case, hardware: rbi.Hardware, length: float = LENGTH) -> None:
+        self.model, self.hardware = case.model(), hardware
+        self._known = CompiledDynamics(self.model).tables
+        self.engine = rbi.DrivenPlant.for_(hardware, case.plant(), DT)
+        self._plant = drive_tables(self.engine, DT / SUBSTEPS, hardware.count(self.model))
+        block = range(round(length / DT) + 1)
+        self.t = tick_times(block, DT)
+        wish = sample(self.model, case.motion(), self.t)
+        self._wish = ReferenceSamples(*_rows(wish, len(block)))
+        self._environment = EnvironmentTables(as_interaction(PUSH), self.engine.arm)
+        steps = (np.array(block)[:, None] * DT + np.arange(SUBSTEPS) * (DT / SUBSTEPS)).ravel()
+        self._drive = self._environment.sampled(steps)
+
+    def run(self, law: Law, settings: Settings) -> LinearLog:
+        """Return what a law leaves behind; rows after a divergence are NaN.
+
+        Args:
+            law: The law.
+            settings: Of it.
+        """
+        arm = self.engine.arm
+        q0, nq, nv = np.array(arm.neutral), arm.nq, arm.nv
+        started = self.engine.begin(q0, np.zeros(nv), DT / SUBSTEPS)
+        pending = np.zeros((self.hardware.delay, nv))
+        log = LinearLog(*(np.full((len(self.t), n), np.nan) for n in (nq, nq, nv)))
+        arguments = (
+            self._tables(law, settings),
+            self._plant,
+            self._environment.driven(self._drive),
+            self._wish,
+            LinearMemory(q0.copy(), q0.copy(), np.zeros((10, nv)), np.zeros((nv, nv)), pending),
+            _space(nq, nv),
+            DriveMemory(q0, np.zeros(nv), np.array(started.torque), np.array(started.pending)),
+            driven.drive_space(nq, nv),
+            log,
+        )
+        if not _KERNEL:
+            _KERNEL.append(kernel(_run, tuple(map(own_type, arguments))))
+        _KERNEL[0](*arguments)
+        return log
+
+    def _tables(self, law: Law, settings: Settings) -> LinearLaw:
+        omega, second, *more = settings
+        gains = pid_gains(np.array(omega), DT)
+        numbers = np.array([omega, -np.expm1(-second * DT), second, *gains, law.kind])
+        if law.kind == DISTURBANCE:
+            numbers[_OBSERVER] = -np.expm1(-more[0] * DT)
+        nv = self.model.nv
+        maps = TARGET.filter(nv, DT).maps().reshape(3, nv, 3, nv)
+        diagonal = np.ascontiguousarray(np.einsum("ijkj->jik", maps).reshape(nv, 9))
+        lag = np.array(lag_of(self.hardware.lag(self.model), DT))
+        return LinearLaw(self._known, numbers, diagonal, lag)
 
 
 _KERNEL: list[Any] = []
@@ -136,22 +151,6 @@ _KERNEL: list[Any] = []
 def _space(nq: int, nv: int) -> LinearSpace:
     (M, factor), (q, q_r) = np.zeros((2, nv, nv)), np.zeros((2, nq))
     return LinearSpace(workspace(nv), M, factor, np.zeros((10, nv)), q, q_r)
-
-
-def _tables(
-    kind: int, settings: Settings, model: rbi.ArmModel, hardware: rbi.Hardware
-) -> LinearLaw:
-    omega, second, *more = settings
-    nv = model.nv
-    numbers = np.array(
-        [omega, -np.expm1(-second * DT), second, *pid_gains(np.array(omega), DT), kind]
-    )
-    if kind == DISTURBANCE:
-        numbers[_OBSERVER] = -np.expm1(-more[0] * DT)
-    maps = TARGET.filter(nv, DT).maps().reshape(3, nv, 3, nv)
-    diagonal = np.ascontiguousarray(np.einsum("ijkj->jik", maps).reshape(nv, 9))
-    lag = np.array(lag_of(hardware.lag(model), DT))
-    return LinearLaw(CompiledDynamics(model).tables, numbers, diagonal, lag)
 
 
 def _run(
