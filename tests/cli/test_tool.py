@@ -86,7 +86,8 @@ def test_tables_are_of_the_tool_and_then_of_the_torques(
     for words in labels:
         assert words in printed
     assert "|e_im|" not in printed
-    assert {path.name for path in tmp_path.iterdir()} == {"errors.png", "torque.png", "result.npz"}
+    files = {"errors.png", "path.png", "torque.png", "result.npz"}
+    assert {path.name for path in tmp_path.iterdir()} == files
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,7 @@ _FIGURES = {
     "torque": "torques",
 }
 
-_AT_TOOL = {"errors": "tool_errors", "torque": "torques"}
+_AT_TOOL = {"errors": "tool_errors", "path": "tool_path", "torque": "torques"}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,6 +12,7 @@ import os
 import warnings
 import webbrowser
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ from .page.drawing import Drawing
 from .page.page import page
 from .page.scene import Frame, Surface, scene
 from .page.server import Server
+from .tool import compliance_of, poses_of
 
 MOST_FRAMES = 1200
 """Frames of an animation at most: longer runs show fewer of them a second."""
@@ -59,6 +61,7 @@ class Viewer:
         title: str,
         period: float = 0.0,
         surfaces: tuple[Surface, ...] = (),
+        compliance: Array | None = None,
         port: int = 0,
     ) -> None:
         self.arm = arm
@@ -66,6 +69,7 @@ class Viewer:
         self.notes = self._drawing.notes
         self._frames = frames
         self._settings: dict[str, Any] = {"title": title, "period": period, "surfaces": surfaces}
+        self._settings |= {"compliance": compliance}
         self._port = port
         self._server: Server | None = None
 
@@ -120,6 +124,7 @@ class Viewer:
         frame = _still(self.arm, q, q_r, environment)
         before, self._frames = self._frames, [frame]
         self._settings |= {"surfaces": _surfaces(self._settings["surfaces"], environment)}
+        self._settings |= {"compliance": None}
         if self._server is None:
             return
         if len(before) > 1 or _kind(before[0]) != _kind(frame):
@@ -223,6 +228,8 @@ def animate(
 ) -> Viewer:
     """Show a result: the arm, its reference as a ghost, force and moment on it, the path of its tool.
 
+    Of a controller at the tool also its frame, the reference's, and an ellipsoid that is long where the target is soft.
+
     Args:
         result: The result.
         robot: The arm, or anything that `load_robot` takes. Without it, the simulated arm; a result from a file says
@@ -248,13 +255,21 @@ def animate(
     samples = np.searchsorted(result.t, times - 1e-9).clip(max=len(result.t) - 1)
     pushes = None if environment is None else as_interaction(environment)
     acting = result.tau_ext.any() if pushes is None else True
-    frames = [_moment(arm, result, int(k), pushes, has_force=bool(acting)) for k in samples]
+    compliance = compliance_of(result)
+    frames = [
+        replace(
+            _moment(arm, result, int(k), pushes, has_force=bool(acting)),
+            at_tool=poses_of(result, int(k), compliance),
+        )
+        for k in samples
+    ]
     viewer = Viewer(
         arm,
         frames,
         title=arm.name,
         period=span / max(count - 1, 1),
         surfaces=_surfaces((), pushes),
+        compliance=None if compliance is None else compliance.sizes,
         port=port,
     )
     return viewer.open() if open else viewer
@@ -305,7 +320,7 @@ def _moment(
         wrenches = np.array([[*arm.frame_placement(q)[1], *result.wrench[k]]])
     else:
         wrenches = _at_tool(arm, q, result.tau_ext[k])
-    _, tool = arm.frame_placement(q)
+    tool = arm.frame_placement(q)[1] if result.tool is None else result.tool.position[k]
     return Frame(q, result.q_r[k], wrenches, _travel(environment, t), tool)
 
 
@@ -343,10 +358,11 @@ def _travel(environment: object, t: float) -> tuple[float, ...]:
     return tuple(0.0 if move is None else float(move(t)) for move in moved)
 
 
-def _kind(frame: Frame) -> tuple[bool, int, int]:
+def _kind(frame: Frame) -> tuple[bool, bool, int, int]:
     """Changes for which a page must be rebuilt."""
     return (
         frame.q_r is not None,
+        frame.at_tool is not None,
         0 if frame.wrenches is None else len(frame.wrenches),
         len(frame.travel),
     )

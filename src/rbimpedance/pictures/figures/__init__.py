@@ -11,7 +11,8 @@ from .runs import disturbance as disturbance
 from .runs import error_sizes as error_sizes
 from .runs import impedance_error as impedance_error
 from .runs import save as save
-from .runs import tool_errors as tool_errors
 from .runs import torques as torques
 from .runs import tracking_errors as tracking_errors
 from .style import COLORS as COLORS
+from .tool import tool_errors as tool_errors
+from .tool import tool_path as tool_path

@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..._common.arrays import Array
-from ...exceptions import ParameterError
 from ...simulation.result import SimulationResult
 from .style import STYLE, NotebookFigure, draw_channels, name_lines, panels
 from .units import force_unit, position_unit, rate_unit
@@ -23,26 +22,6 @@ def tracking_errors(result: SimulationResult) -> Figure:
     with panels(rows=2) as (figure, axes):
         draw_channels(axes[0], result, result.e1, f"$e_1$ [{position_unit(result)}]")
         draw_channels(axes[1], result, result.e2, f"$e_2$ [{rate_unit(result)}]")
-    return figure
-
-
-def tool_errors(result: SimulationResult) -> Figure:
-    """Error of the tool's pose over time, translation and rotation, and the wrench that the controller was given.
-
-    Args:
-        result: One of a controller at the tool.
-
-    Raises:
-        ParameterError: It has no `tool`.
-    """
-    if result.tool is None:
-        raise ParameterError("result", result, "one of a controller at the tool")
-    e1, wrench = result.tool.e1, result.tool.wrench
-    with panels(rows=4, height=1.7) as (figure, axes):
-        draw_channels(axes[0], result, e1[:, :3], "$e_1$ [m]", ("x", "y", "z"))
-        draw_channels(axes[1], result, e1[:, 3:], "$e_1$ [rad]", ("rx", "ry", "rz"))
-        draw_channels(axes[2], result, wrench[:, :3], "force [N]", ("x", "y", "z"))
-        draw_channels(axes[3], result, wrench[:, 3:], r"moment [N$\cdot$m]", ("x", "y", "z"))
     return figure
 
 

@@ -2,7 +2,9 @@
 // Draws the scene that the page carries: an arm, its reference, the wrenches on it, the path of its tool.
 // Poses are [x, y, z, qx, qy, qz, qw] in the world, z up. `window.player` is what tests and embedding pages talk to.
 
-const COLORS = { ghost: 0x0072b2, force: 0xd55e00, moment: 0xd55e00, trace: 0x009e73, surface: 0xcc79a7 };
+const COLORS = { ghost: 0x0072b2, force: 0xd55e00, moment: 0xd55e00, trace: 0x009e73, surface: 0xcc79a7,
+  frames: 0x444444, compliance: 0xe69f00 };
+const AXES = [0xd62728, 0x2ca02c, 0x1f77b4]; // x, y and z of a frame
 const FIELD_OF_VIEW = 32; // degrees, upright
 const MARGIN = 0.025; // of the page, on every side
 const BAR = 50; // pixels below the picture that the controls take
@@ -32,7 +34,8 @@ class Player {
     this.speed = 1;
     this.playing = false;
     this.groups = { arm: new THREE.Group(), ghost: new THREE.Group(), force: new THREE.Group(),
-      moment: new THREE.Group(), trace: new THREE.Group(), surface: new THREE.Group() };
+      moment: new THREE.Group(), trace: new THREE.Group(), surface: new THREE.Group(),
+      frames: new THREE.Group(), compliance: new THREE.Group() };
     for (const [name, group] of Object.entries(this.groups)) {
       group.name = name;
       this.root.add(group);
@@ -43,6 +46,7 @@ class Player {
     this.buildWrenches();
     this.buildTrace();
     this.buildSurfaces();
+    this.buildTool();
     this.frameTheArm();
     this.show(scene.now);
   }
@@ -206,6 +210,39 @@ class Player {
     });
   }
 
+  // The frame of the tool is short and thick, its reference long and thin: where they are one, both show. They show
+  // through the arm, as marks do.
+  buildTool() {
+    const { THREE, scene, groups } = this;
+    this.atTool = [];
+    if (!scene.now.tool) return;
+    const triad = (length, thick) => {
+      const frame = new THREE.Group();
+      AXES.forEach((color, i) => {
+        const shaft = new THREE.Mesh(new THREE.CylinderGeometry(thick, thick, length, 12),
+          new THREE.MeshPhongMaterial({ color, depthTest: false, transparent: true }));
+        shaft.renderOrder = 5;
+        shaft.position.setComponent(i, length / 2);
+        shaft.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), new THREE.Vector3().setComponent(i, 1));
+        frame.add(shaft);
+      });
+      groups.frames.add(frame);
+      return frame;
+    };
+    const thick = 0.012 * scene.radius;
+    this.atTool = [triad(0.7 * scene.triad, thick), triad(scene.triad, 0.4 * thick)];
+    const ball = new THREE.Group();
+    if (scene.compliance) {
+      const skin = new THREE.Mesh(new THREE.SphereGeometry(1, 32, 24), new THREE.MeshPhongMaterial({
+        color: COLORS.compliance, transparent: true, opacity: 0.35, depthWrite: false, depthTest: false }));
+      skin.renderOrder = 4;
+      skin.scale.fromArray(scene.compliance);
+      ball.add(skin);
+    }
+    groups.compliance.add(ball);
+    this.atTool.push(ball);
+  }
+
   // --- poses ---
 
   place(links, poses) {
@@ -249,10 +286,11 @@ class Player {
     arrow.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), vector.normalize());
   }
 
-  // now: {arm, ghost, wrenches, surfaces}, flat arrays
+  // now: {arm, ghost, wrenches, surfaces, tool}, flat arrays
   show(now) {
     this.place(this.links, now.arm);
     if (now.ghost) this.place(this.ghosts, now.ghost);
+    if (now.tool) this.place(this.atTool, now.tool);
     this.arrows.forEach((arrow, i) => this.point(arrow, now.wrenches, 9 * i));
     this.curls.forEach((curl, i) => this.curl(curl, now.wrenches, 9 * i));
     this.surfaces.forEach((plane, i) => plane.position.copy(plane.home).addScaledVector(plane.normal, now.surfaces[i]));
@@ -290,6 +328,7 @@ class Player {
       ghost: frames.ghost && this.posesBetween(frames.ghost, n, k, share),
       wrenches: this.between(frames.wrenches, 9 * this.arrows.length, k, share),
       surfaces: this.between(frames.surfaces, this.surfaces.length, k, share),
+      tool: frames.tool && this.posesBetween(frames.tool, this.atTool.length, k, share),
     });
     if (this.past) {
       const drawn = Math.round((this.segments * this.traced[k]) / this.traced[this.traced.length - 1]);
@@ -384,7 +423,7 @@ function connectControls(player) {
   title.textContent = scene.title;
   at("legend").append(title);
   const shown = { ghost: scene.now.ghost, force: player.arrows.length, moment: player.largest.moment > 0,
-    trace: player.past, surface: scene.surfaces.length };
+    trace: player.past, surface: scene.surfaces.length, frames: scene.now.tool, compliance: scene.compliance };
   for (const [name, text] of Object.entries(scene.legend)) {
     if (!shown[name]) continue;
     const box = Object.assign(document.createElement("input"), { type: "checkbox", checked: true, id: `show-${name}` });

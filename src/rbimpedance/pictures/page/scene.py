@@ -18,6 +18,8 @@ LEGEND = {
     "moment": "moment on the arm",
     "trace": "path of the tool",
     "surface": "surface",
+    "frames": "tool and its reference",
+    "compliance": "compliance of the tool",
 }
 """What the page calls its parts."""
 
@@ -26,6 +28,10 @@ ARROW = 0.3
 
 CURL = 0.16
 """Radius of the largest moment's round arrow as a share of the scene's radius."""
+
+
+TRIAD, ELLIPSOID = 0.14, 0.16
+"""Length of a frame's axes, and the longest half axis of the compliance, as shares of the scene's radius."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +62,7 @@ class Frame:
         wrenches: Point of attack [m], force [N] and moment [N·m] of every wrench, shape (n, 9).
         travel: Displacements of the surfaces along their normals [m].
         tool: Where the tool is, shape (3,) [m]; None for no trace.
+        at_tool: Poses of the tool, its reference and its compliance, shape (3, 7); None where they are not shown.
     """
 
     q: Array
@@ -63,6 +70,7 @@ class Frame:
     wrenches: Array | None = None
     travel: tuple[float, ...] = ()
     tool: Array | None = None
+    at_tool: Array | None = None
 
 
 def scene(
@@ -72,6 +80,7 @@ def scene(
     title: str,
     period: float = 0.0,
     surfaces: Sequence[Surface] = (),
+    compliance: Array | None = None,
     live: int = 0,
 ) -> dict[str, Any]:
     """Return a scene as player.js describes it.
@@ -82,6 +91,7 @@ def scene(
         title: Title of the page.
         period: Time between frames [s].
         surfaces: Flat surfaces.
+        compliance: Sizes along the principal axes, shape (3,); None where it is not shown.
         live: Number of the latest news that the page knows of, if it listens to its server; 0 if it does not.
     """
     arm = np.array([drawing.poses(frame.q) for frame in frames])
@@ -90,12 +100,14 @@ def scene(
     outline = outline_of(drawing, [*arm, *ghosts], frames)
     center, radius = _ball(outline)
     arrows = _arrows(wrenches, radius)
-    outline = _with_arrows(outline, wrenches, arrows)
+    outline = _with_tool(_with_arrows(outline, wrenches, arrows), frames, radius)
+    at_tool = [frame.at_tool for frame in frames if frame.at_tool is not None]
     moving = {
         "arm": arm,
         "ghost": np.array(ghosts) if ghosts else None,
         "wrenches": wrenches,
         "surfaces": np.array([frame.travel for frame in frames]),
+        "tool": np.array(at_tool) if at_tool else None,
     }
     tools = [frame.tool for frame in frames if frame.tool is not None]
     middle = np.mean(tools, axis=0) if tools else center
@@ -113,6 +125,10 @@ def scene(
         "ground": float(outline[:, 2].min()),
         "from": [*best_view(drawing, list(arm[:: 1 + len(arm) // 5]), outline)],
         "arrows": arrows,
+        "triad": TRIAD * radius,
+        "compliance": None
+        if compliance is None
+        else ELLIPSOID * radius * compliance / max(compliance),
         "live": live,
     }
 
@@ -156,6 +172,17 @@ def _with_arrows(outline: Array, wrenches: Array, arrows: dict[str, dict[str, fl
     tips = wrenches[:, :, :3] + _scaled(wrenches[:, :, 3:6], **arrows["force"])
     turns = wrenches[:, :, :3] + _scaled(wrenches[:, :, 6:9], **arrows["moment"])
     return spread(np.concatenate([outline, tips.reshape(-1, 3), turns.reshape(-1, 3)]))
+
+
+def _with_tool(outline: Array, frames: Sequence[Frame], radius: float) -> Array:
+    """The outline with a cube around every frame at the tool."""
+    places = [frame.at_tool[:, :3] for frame in frames if frame.at_tool is not None]
+    if not places:
+        return outline
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    reach = max(TRIAD, ELLIPSOID) * radius / np.sqrt(3.0)
+    around = [place + reach * corner for place in places for corner in corners]
+    return spread(np.concatenate([outline, *around]))
 
 
 def _wrenches(frame: Frame) -> Array:
