@@ -99,7 +99,7 @@ def test_compiled_ticks_turn_their_axes_as_numpy(axes: str) -> None:
     [
         ("ur5", [0.0, -1.2, 1.6, -1.9, -0.03, 0.3]),
         ("panda", [0.0, 0.5, 1.5, -0.1, 1.5, 0.05, 0.0]),
-        ("rail", [0.0, 0.0, 0.5, 1.5, -0.1, 1.5, 0.05, 0.0]),
+        ("rail", [0.0, 1.57, 0.0, 1.57, -0.1, 0.0, 1.57, 0.0]),
     ],
 )
 def test_compiled_ticks_are_damped_as_numpy(name: str, start: Any) -> None:

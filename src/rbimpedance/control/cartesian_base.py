@@ -205,7 +205,7 @@ class CartesianControllerBase(TickBase[StateT, ToolMeasured, CartesianOutput]):
         e1, e2 = output.e1, output.e2
         missed = output.jacobian @ (output.a - a)
         missed[3:] = RotationVector(e1[3:]).right_inverse @ missed[3:]
-        to_world = np.kron(np.eye(2), output.axes)
-        in_axes: list[Any] = [to_world.T @ e for e in (e1, e2, output.e3 + missed)]
-        error: Array = to_world @ self._target.error(*in_axes)
-        return error
+        axes = output.axes
+        in_axes = [(e.reshape(2, 3) @ axes).ravel() for e in (e1, e2, output.e3 + missed)]
+        error: Array = self._target.error(*in_axes).reshape(2, 3) @ axes.T
+        return error.ravel()

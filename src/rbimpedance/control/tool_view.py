@@ -90,10 +90,9 @@ class ToolView(Around):
 
     def _in_joints(self, output: CartesianOutput, q: Array) -> ToolTick:
         none = np.zeros(self.arm.nv, dtype=np.bool_)
-        to_world = np.eye(6)
-        to_world[3:, 3:] = RotationVector(output.e1[3:]).right
-        to_joints = output.inverse @ to_world
-        e1 = to_joints @ output.e1
+        to_joints, at_tool = output.inverse.copy(), output.e1
+        to_joints[:, 3:] = to_joints[:, 3:] @ RotationVector(at_tool[3:]).right
+        e1 = to_joints @ at_tool
         return ToolTick(
             output,
             self.arm.raw_dynamics.integrate(q, e1),

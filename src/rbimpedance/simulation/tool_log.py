@@ -36,6 +36,9 @@ _SHAPES: Mapping[str, tuple[int, ...]] = {
     "sigma": (),
 }
 
+_OWN = [name for name in UNITS if not name.startswith(("position", "rotation"))]
+"""Channels that an output has by the same name."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ToolLog:
@@ -96,9 +99,8 @@ def tool_log(channels: Mapping[str, Any]) -> ToolLog | None:
 
 def write_tool(channels: Mapping[str, Any], k: int, output: CartesianOutput) -> None:
     """Write the row of tick k."""
-    row = {name: getattr(output, name) for name in UNITS if hasattr(output, name)}
-    row |= {"position": output.pose.translation, "rotation": output.pose.rotation}
-    pose_r = output.reference.pose
-    row |= {"position_r": pose_r.translation, "rotation_r": pose_r.rotation}
+    row = {name: getattr(output, name) for name in _OWN}
+    for name, pose in (("", output.pose), ("_r", output.reference.pose)):
+        row |= {f"position{name}": pose.translation, f"rotation{name}": pose.rotation}
     for name, value in row.items():
         channels[PREFIX + name][k] = value
