@@ -382,3 +382,18 @@ def test_wrist_goes_through_its_singularity(aside: float) -> None:
     )
     check_return(result, arm)
     assert not result.verdict().failed
+
+
+def test_batch_at_the_tool_is_world_by_world_what_simulate_does() -> None:
+    arm = ur5()
+    controller, hold = rbi.CartesianController(arm, IMPEDANCE), cartesian.hold(arm)
+    plants, pushes = [arm, heavier(arm)], [np.full(6, 0.5), np.full(6, -0.8)]
+    shared: dict[str, Any] = {"duration": 0.05, "substeps": 2}
+    batch = rbi.simulate_batch(
+        controller, plants, hold, environment=pushes, channels=("q", "tau"), **shared
+    )
+    for i, (plant, push) in enumerate(zip(plants, pushes, strict=True)):
+        result = rbi.simulate(controller, plant, hold, environment=push, **shared)
+        assert_allclose(batch["q"][i], result.q, atol=1e-12)
+        assert_allclose(batch["tau"][i], result.tau, atol=1e-12)
+        assert_allclose(batch.metrics["e1_max"][i], result.metrics()["e1_max"], atol=1e-12)

@@ -21,6 +21,7 @@ from ..robot.arm_model import ArmModel
 from ..robot.load import load_robot
 from .terminal import number, print_json, progress, say, stdout
 from .timing import (
+    AT_TOOL,
     BACKENDS,
     REALTIME,
     RNEA,
@@ -37,6 +38,7 @@ from .timing import (
     rnea,
     simulate_timer,
     step,
+    step_at_tool,
     timer,
 )
 
@@ -95,6 +97,15 @@ def tick(arm: ArmModel, count: int, on_tick: Progress | None = None) -> dict[str
     return interleaved(timers, count, rounds=_TURNS, on_tick=on_tick)
 
 
+def at_tool(arm: ArmModel, count: int, on_tick: Progress | None = None) -> dict[str, Array]:
+    """Time the tick of a `CartesianController`, beside `pin.rnea` [µs]; only the latter where joints mimic others."""
+    given, timers = inputs(arm), dict[str, Timer]()
+    if not arm.model.mimicking_joints:
+        timers = {AT_TOOL[b]: timer(step_at_tool(arm, b, given)) for b in BACKENDS}
+    timers = {RNEA: timer(rnea(arm, given)), **timers}
+    return interleaved(timers, count, rounds=_TURNS, on_tick=on_tick)
+
+
 def closed_loop(arm: ArmModel, count: int, on_tick: Progress | None = None) -> dict[str, Array]:
     """Time `simulate` with one physics step a tick, logs included, beside `pin.rnea` [µs a tick]."""
     timers = {SIMULATE[b]: simulate_timer(arm, b) for b in BACKENDS}
@@ -113,6 +124,7 @@ def batch(arm: ArmModel, count: int, on_tick: Progress | None = None) -> dict[st
 
 MEASUREMENTS: dict[str, Callable[[ArmModel, int, Progress | None], dict[str, Array]]] = {
     "one tick, back to back": tick,
+    "one tick at the tool": at_tool,
     "closed loop, a tick": closed_loop,
     "many closed loops, a world and tick": batch,
 }

@@ -12,11 +12,14 @@ import numpy as np
 import pinocchio as pin
 
 from .._common.arrays import Array
+from ..control.cartesian import CartesianController
 from ..control.controller import ImpedanceController
 from ..control.protocol import Backend
 from ..law.impedance import Impedance
+from ..law.poses import CartesianReference, Pose
 from ..law.super_twisting import Scheme, SuperTwisting
 from ..robot.arm_model import ArmModel
+from ..robot.tool_kinematics import ToolKinematics
 from ..simulation.batch import simulate_batch
 from ..simulation.run import simulate
 from ..simulation.scenarios import SurfaceName, paper_surface
@@ -35,6 +38,7 @@ BACKENDS: tuple[Backend, ...] = ("pinocchio", "compiled")
 RNEA = "pin.rnea"
 STEP = {backend: f"step, {backend}" for backend in BACKENDS}
 REALTIME = {backend: f"realtime torque, {backend}" for backend in BACKENDS}
+AT_TOOL = {backend: f"step at the tool, {backend}" for backend in BACKENDS}
 SIMULATE = {backend: f"simulate, {backend}" for backend in BACKENDS}
 DT = 1e-3
 STATES = 64
@@ -123,6 +127,24 @@ def step(made: ImpedanceController, given: Sequence[Inputs]) -> Ticks:
 def realtime(made: ImpedanceController, given: Sequence[Inputs]) -> Ticks:
     """`RealtimeController.torque`, one tick after the other."""
     return repeated(made.realtime().torque, [tuple(x) for x in given])
+
+
+def step_at_tool(arm: ArmModel, backend: Backend, given: Sequence[Inputs]) -> Ticks:
+    """`CartesianController.step` along the same motion, with the same errors; tau_ext of the first joints is the wrench.
+
+    Raises:
+        UnsupportedJointError: The arm has joints that mimic others.
+    """
+    made, kinematics = CartesianController(arm, backend=backend), ToolKinematics(arm)
+    rows = []
+    for q, v, (q_d, v_d, a_d), tau_ext in given:
+        R, p, J, velocity, drift = kinematics.motion(q_d, v_d)
+        there = CartesianReference(Pose(R, p), velocity, J @ a_d + drift)
+        rows.append((q, v, there, np.resize(tau_ext, 6)))
+    state, tick = made.init(), made.step
+    for each in cycle(rows):
+        _, state = tick(state, *each)
+        yield clock()
 
 
 def timer(ticks: Ticks) -> Timer:

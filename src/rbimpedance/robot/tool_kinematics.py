@@ -79,7 +79,7 @@ class ToolKinematics:
         J = J.reshape(6, model.nv)  # pin returns a vector where nv = 1
         drift = pin.getFrameClassicalAcceleration(model, data, self._frame_id, WORLD_AXES)
         return ToolMotion(
-            np.array(placement.rotation),
+            np.array(placement.rotation, order="C"),
             np.array(placement.translation),
             J,
             J @ v,

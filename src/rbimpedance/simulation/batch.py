@@ -5,25 +5,29 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, BoolArray, whole_number
 from .._common.deprecation import renamed_arguments
+from ..control.cartesian_base import CartesianControllerBase
 from ..control.protocol import Controller
 from ..exceptions import DimensionError, ParameterError
 from ..interaction import EnvironmentLike
 from ..robot.arm_model import ArmModel
 from ..robot.hardware import Hardware
 from ..trajectories import Trajectory
+from ..trajectories.cartesian import CartesianTrajectory
 from .batch_run import BatchLog, run_worlds
 from .closed_loop import LOGGED, ClosedLoop
 from .plants import Plant
 from .plants.integrators import Integrator
 from .run import check_choice, closed_loop, on_hardware
 from .sampling import tick_times
+
+AnyController: TypeAlias = Controller[Any] | CartesianControllerBase[Any]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -70,9 +74,9 @@ class BatchResult:
 
 @renamed_arguments(wrench="environment")
 def simulate_batch(  # noqa: PLR0913 (worlds and their settings, each given by name)
-    controller: Controller[Any] | Sequence[Controller[Any]],
+    controller: AnyController | Sequence[AnyController],
     plant: ArmModel | Plant[Any] | Sequence[ArmModel | Plant[Any]],
-    trajectory: Trajectory | Sequence[Trajectory],
+    trajectory: Trajectory | CartesianTrajectory | Sequence[Trajectory | CartesianTrajectory],
     *,
     environment: EnvironmentLike | Sequence[Any] | None = None,
     q0: ArrayLike | None = None,
@@ -97,6 +101,7 @@ def simulate_batch(  # noqa: PLR0913 (worlds and their settings, each given by n
     of merit are sums that are kept up to date, from every tick. A world is one compiled function, without the
     interpreter's lock, whether its controller's `backend` is "compiled" or "pinocchio"; with "numpy" it is run in
     Python, as is what has no compiled form, one world after the other; the logger "rbimpedance" says the latter, once.
+    Of a `CartesianController` the tick is compiled and the loop is Python's.
 
     On `hardware` the worlds of a `HardwareController` with rigid joints are compiled, too, and bit-equal to those of
     `simulate`: about 0.05 ms a tick for seven joints, of which much is for the trajectory, which is sampled for every

@@ -154,7 +154,7 @@ def _run_by_blocks(
 
 
 def verified_world(loop: ClosedLoop, known: dict[int, Controlled], states: int) -> World | None:
-    """Return a loop in compiled form; None where it has none, which is logged, once.
+    """Return a loop in compiled form; None where it has none, which is logged, once, except for a law at the tool.
 
     Args:
         loop: The loop.
@@ -164,6 +164,8 @@ def verified_world(loop: ClosedLoop, known: dict[int, Controlled], states: int) 
     Raises:
         ModelError: The compiled dynamics of an arm are not Pinocchio's.
     """
+    if isinstance(loop.controller, ToolView):
+        return None
     if isinstance(loop.controller, ImpedanceController) and loop.controller.backend == "numpy":
         return None
     if not is_available("rollout"):

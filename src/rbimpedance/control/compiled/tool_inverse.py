@@ -1,8 +1,8 @@
 """Inverse of the Jacobian and null space in compiled code; `law.damped_inverse` specifies them.
 
 Where no direction is damped, σ ≥ σ₀, the inverse is AᵀG⁻¹ with G = A·Aᵀ by Cholesky; whether this is so, the factor of
-G - σ₀²·I shows. Otherwise one-sided Jacobi rotations find the directions: rows of Uᵀ·A that are orthogonal have the singular
-values as their lengths (G. H. Golub, C. F. Van Loan, Matrix Computations, 4th ed., section 8.6.3).
+G - σ₀²·I shows. Otherwise one-sided Jacobi rotations find the directions: rows of Uᵀ·A that are orthogonal have the
+singular values as their lengths (G. H. Golub, C. F. Van Loan, Matrix Computations, 4th ed., section 8.6.3).
 """
 
 from __future__ import annotations
