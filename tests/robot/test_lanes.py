@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 import rbimpedance as rbi
-import rbimpedance._numba.power  # noqa: F401 (defines the power of lanes)
+import rbimpedance._numba.power
 from rbimpedance._numba.compile import fused, inline, kernel
 from rbimpedance._numba.lanes import WIDTH, any_of, first_lane, select
 from rbimpedance._numba.layouts.lane_arrays import LANE_MATRIX, LANE_VECTOR, lane_array

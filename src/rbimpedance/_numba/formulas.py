@@ -17,8 +17,10 @@ from numba.core.ccallback import CFunc
 from numba.extending import intrinsic
 
 from .._common import conditions
-from . import lanes
-from . import power as _  # noqa: F401 (defines the power of lanes)
+from . import (
+    lanes,
+    power,  # noqa: F401 (defines the power of lanes)
+)
 from .compile import inline, keep_on_disk
 from .layouts.lane_arrays import columns
 

@@ -128,12 +128,12 @@ def _define(
 
 
 def _instruction(name: str) -> Callable[..., Any]:
-    return lambda context, builder, *values: getattr(builder, name)(*values)
+    return lambda _, builder, *values: getattr(builder, name)(*values)
 
 
 def _compared(symbol: str) -> Callable[..., Any]:
     name = "fcmp_unordered" if symbol == "!=" else "fcmp_ordered"
-    return lambda context, builder, x, y: getattr(builder, name)(symbol, x, y)
+    return lambda _, builder, x, y: getattr(builder, name)(symbol, x, y)
 
 
 def _llvm(name: str) -> Callable[..., Any]:
@@ -166,7 +166,7 @@ def _lane_by_lane(function: Any) -> Callable[..., Any]:
 
 def _extreme(symbol: str) -> Callable[..., Any]:
     """The second where it is beyond the first, as Python's `min` and `max` choose."""
-    return lambda context, builder, x, y: builder.select(builder.fcmp_ordered(symbol, y, x), y, x)
+    return lambda _, builder, x, y: builder.select(builder.fcmp_ordered(symbol, y, x), y, x)
 
 
 _ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "truediv": "fdiv"}

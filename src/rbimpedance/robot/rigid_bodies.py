@@ -55,24 +55,36 @@ def rigid_bodies(model: pin.Model) -> RigidBodies:
     """
     joints, axes = movable_joints(model), _motion_axes(model)
     slides = np.array([not axis[3:].any() for axis in axes])
+    placements = [model.jointPlacements[j] for j in joints]
+    inertias = [model.inertias[j] for j in joints]
     return RigidBodies(
-        parent=np.array([model.parents[j] - 1 for j in joints]),
-        q_index=np.array([model.joints[j].idx_q for j in joints]),
-        q_size=np.array([model.joints[j].nq for j in joints]),
-        rotation=np.array([model.jointPlacements[j].rotation for j in joints]),
-        translation=np.array([model.jointPlacements[j].translation for j in joints]),
+        parent=np.array(model.parents)[joints] - 1,
+        q_index=np.array(model.idx_qs)[joints],
+        q_size=np.array(model.nqs)[joints],
+        rotation=np.array([placement.rotation for placement in placements]),
+        translation=np.array([placement.translation for placement in placements]),
         axis=np.array([axis[:3] + axis[3:] for axis in axes]),
         slides=slides,
-        mass=np.array([model.inertias[j].mass for j in joints]),
-        com=np.array([model.inertias[j].lever for j in joints]),
-        inertia=np.array([model.inertias[j].inertia for j in joints]),
+        mass=np.array([body.mass for body in inertias]),
+        com=np.array([body.lever for body in inertias]),
+        inertia=np.array([body.inertia for body in inertias]),
         gravity=np.array(model.gravity.linear),
     )
 
 
+_ALONG = {
+    f"JointModel{kind}{axis}": i + shift
+    for kind, shift in (("P", 0), ("R", 3), ("RUB", 3))
+    for i, axis in enumerate("XYZ")
+}
+"""Number of the motion of joints along and about the axes, by Pinocchio's name; asking Pinocchio takes much longer."""
+
+_SIX = np.eye(6)
+
+
 def movable_joints(model: pin.Model) -> list[int]:
     """Indices of the joints that own a degree of freedom, in the order of v."""
-    return [j for j in range(1, model.njoints) if model.nvs[j] > 0]
+    return [j for j, nv in enumerate(model.nvs) if nv > 0]
 
 
 def _motion_axes(model: pin.Model) -> list[Array]:
@@ -82,6 +94,9 @@ def _motion_axes(model: pin.Model) -> list[Array]:
         UnsupportedJointError: A joint that neither turns about nor slides along one axis of its own.
     """
     names = [model.names[j] for j in model.mimicking_joints]
+    known = [_ALONG.get(model.joints[j].shortname()) for j in movable_joints(model)]
+    if not names and None not in known:
+        return [_SIX[i] for i in known if i is not None]
     data, q, axes = model.createData(), pin.neutral(model), []
     for j in range(1, model.njoints):
         if model.nvs[j] != 1:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,7 +27,7 @@ METRICS = (
 )
 """Figures of `SimulationResult.metrics` that a batch keeps up to date."""
 
-_STATES = 2  # at which each plant is compared with Pinocchio's; the controllers' arms at all
+_STATES = 1  # at which each plant is compared with Pinocchio's; the controllers' arms at all
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -90,7 +90,7 @@ class CompiledDynamics:
     def _check(self, arm: ArmModel, states: int) -> None:
         rng, judge = np.random.default_rng(1), arm.raw_dynamics
         for _ in range(states):
-            q = arm.random_configuration(rng)
+            q = arm.integrate(arm.neutral, rng.uniform(-1.0, 1.0, arm.nv))
             v, a, tau = rng.normal(size=(3, arm.nv))
             pairs = {
                 "RNEA": (self.inverse_dynamics(q, v, a), judge.inverse_dynamics(q, v, a)),

@@ -6,6 +6,7 @@ rotation disappears in the constant placements) and spares every kernel the case
 
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -88,7 +89,7 @@ def arm_tables(arm: ArmModel) -> ArmTables:
     bodies = arm.rigid_bodies()
     kinds = np.where(bodies.slides, PRISMATIC, np.where(bodies.q_size == 2, CONTINUOUS, REVOLUTE))
     joints = np.empty((arm.nv, COLUMNS))
-    turned = np.array([axes_with_z_along(axis) for axis in bodies.axis])
+    turned = np.array([_known_axes(*axis) for axis in bodies.axis.tolist()])
     before = np.concatenate([turned, np.eye(3)[None]])[bodies.parent]  # the base is number -1
     rotation = _transposed(before) @ bodies.rotation @ turned
     joints[:, ROTATION:TRANSLATION] = rotation.reshape(-1, 9)
@@ -146,6 +147,11 @@ def axes_with_z_along(axis: Array) -> Array:
     x = _cross(np.eye(3)[int(np.argmin(np.abs(axis)))], axis)
     x /= np.sqrt(x @ x)
     return np.array([x, _cross(axis, x), axis]).T
+
+
+@functools.lru_cache(maxsize=256)
+def _known_axes(*axis: float) -> Array:
+    return axes_with_z_along(np.array(axis))
 
 
 def _cross(a: Array, b: Array) -> Array:

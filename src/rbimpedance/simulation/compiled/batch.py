@@ -53,7 +53,8 @@ class CompiledWorlds:
             self.figures = {i: empty_figures(nv, tolerances, first) for i in worlds}
         users = Counter(id(x) for i in worlds for x in (loops[i].trajectory, loops[i].environment))
         self.shared = {identity for identity, count in users.items() if count > 1}
-        self.kinds = {i: lane_kind(world, loops[i].controller) for i, world in worlds.items()}
+        kinds = {i: lane_kind(world, loops[i].controller) for i, world in worlds.items()}
+        self.kinds = {i: kind for i, kind in kinds.items() if kind is not None}
         self.groups: dict[tuple[int, ...], LaneGroup] = {}
 
     def run(self, threads: int) -> list[int]:
@@ -83,8 +84,8 @@ class CompiledWorlds:
         """The worlds in groups of up to eight that are alike, and one by one."""
         alike: dict[Any, list[int]] = {}
         for i in going:
-            alike.setdefault(self.kinds[i], []).append(i)
-        units = [(i,) for i in alike.pop(None, [])]
+            alike.setdefault(self.kinds.get(i), []).append(i)
+        units: list[tuple[int, ...]] = [(i,) for i in alike.pop(None, [])]
         for members in alike.values():
             for k in range(0, len(members), WIDTH):
                 group = tuple(members[k : k + WIDTH])

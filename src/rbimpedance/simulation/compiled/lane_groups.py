@@ -159,7 +159,7 @@ class LaneGroup:
     def _put_back(
         self, members: Sequence[LaneMember], lanes: NDArray[np.bool_], memory: Any, figures: Any
     ) -> None:
-        for i in np.flatnonzero(lanes[: len(members)]):
+        for i in np.flatnonzero(lanes[: len(members)]).tolist():
             put_lane(memory, i, members[i].world.memory)
             if members[i].figures is not None:
                 put_lane(figures.table, i, members[i].figures.table)

@@ -1,7 +1,7 @@
 """The closed loop of eight worlds at once: the source of `loop`, compiled for lanes.
 
-It does the ticks that are alike in all lanes. Where one comes to a case of its own, as at a torque limit, the block ends
-before that tick, and that world goes on alone.
+It does the ticks that are alike in all lanes. Where a world comes to a case of its own, as at a torque limit, the block
+ends before that tick, and that world goes on alone.
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ def _is_special(
     is_beyond = after_torque(arm, law, work.torque, motion.v, motion.tau_ext, state, block)
     for j in range(len(motion.tau)):
         motion.tau[j] = block[j, TAU]
-    return is_beyond | (zero_if_finite(given) != 0.0)  # type: ignore[no-any-return]
+    return is_beyond | (zero_if_finite(given) != 0.0)
 
 
 @fused

@@ -127,8 +127,7 @@ def impedance_error(target: Array, block: Array, e3: Array, e_im: Array) -> None
 def _share(target: Array, i: int, k: int, apart: int, block: Array, j: int, e3: Array) -> float:
     """What the errors of joint j give to e_im of joint i, whose entries begin at column k of the target."""
     m, d, s = target[i, k], target[i, k + apart], target[i, k + 2 * apart]
-    share = _impedance_error(m, d, s, block[j, E1], block[j, E2], e3[j])
-    return share  # type: ignore[no-any-return]
+    return _impedance_error(m, d, s, block[j, E1], block[j, E2], e3[j])  # type: ignore[no-any-return]
 
 
 @fused
