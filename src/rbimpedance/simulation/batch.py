@@ -20,7 +20,8 @@ from ..robot.arm_model import ArmModel
 from ..robot.hardware import Hardware
 from ..trajectories import Trajectory
 from ..trajectories.cartesian import CartesianTrajectory
-from .batch_run import BatchLog, run_worlds
+from .batch_log import BatchLog
+from .batch_run import run_worlds
 from .closed_loop import LOGGED, ClosedLoop
 from .plants import Plant
 from .plants.integrators import Integrator

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .._common.arrays import Array
 from ..exceptions import DivergenceError, ParameterError
+from .batch_log import BatchLog
 from .closed_loop import ClosedLoop, empty_channels, run
 from .compiled_runs import verified_world
 from .driven_runs import DrivenRun, driven_run, has_driven_form
@@ -28,33 +27,6 @@ METRICS = (
 """Figures of `SimulationResult.metrics` that a batch keeps up to date."""
 
 _STATES = 1  # at which each plant is compared with Pinocchio's; the controllers' arms at all
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class BatchLog:
-    """What the worlds leave behind; see `BatchResult`.
-
-    Attributes:
-        every: Ticks from one sample to the next.
-        channels: Samples by channel, shape (N, samples, nq or nv).
-        metrics: MetricSums of merit, each of shape (N, nv).
-        q: Configuration at the end, shape (N, nq).
-        v: Velocity at the end, shape (N, nv).
-        divergence: Tick and joint of the worlds that diverged.
-    """
-
-    every: int
-    channels: dict[str, Array]
-    metrics: dict[str, Array]
-    q: Array
-    v: Array
-    divergence: dict[int, tuple[int, str]] = field(default_factory=dict)
-
-    def end_early(self, i: int, tick: int, joint: str) -> None:
-        """Mark a world that has diverged in the period after a tick."""
-        self.divergence[i] = tick, joint
-        for channel in self.channels.values():
-            channel[i, tick // self.every + 1 :] = False if channel.dtype == np.bool_ else np.nan
 
 
 def run_worlds(

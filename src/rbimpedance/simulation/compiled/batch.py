@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..._numba.lanes import WIDTH
 from ...trajectories import Reference
+from ..batch_log import BatchLog
 from ..closed_loop import ClosedLoop
 from ..compiled_runs import check_inputs
 from ..result import SETTLING_TOLERANCES
@@ -21,9 +22,6 @@ from .lane_loop import ALONE
 from .log import MetricSums, empty_figures, figures_of_merit, journal
 from .loop import JOINT, TICK
 from .world import Block, World, desk
-
-if TYPE_CHECKING:
-    from ..batch_run import BatchLog
 
 _PORTIONS = 8  # in which each thread gets its worlds, so that none waits long for the others
 
