@@ -543,5 +543,5 @@ def test_pid_refuses_a_bandwidth_and_limits_that_cannot_be(arm: rbi.ArmModel) ->
         PIDImpedance(arm, IMPEDANCE, 0.0, 1e-3)
     with pytest.raises(rbi.DimensionError, match="bandwidth"):
         PIDImpedance(arm, IMPEDANCE, [1.0, 2.0, 3.0], 1e-3)
-    with pytest.raises(rbi.DimensionError, match=r"limits\.effort"):
+    with pytest.raises(rbi.DimensionError, match=r"Limits\.effort"):
         PIDImpedance(arm, IMPEDANCE, 10.0, 1e-3, limits=[1.0, 2.0, 3.0])

@@ -109,9 +109,9 @@ def test_limits_for_another_number_of_joints_are_refused() -> None:
 
 def test_array_means_torque_limits() -> None:
     limits = Limits(3.0)
-    assert as_limits(limits) is limits
-    assert as_limits(None) is None
-    converted = as_limits([36.0, 12.0])
+    assert as_limits(limits, 2) is limits
+    assert as_limits(None, 2) is None
+    converted = as_limits([36.0, 12.0], 2)
     assert converted is not None
     assert_array_equal(converted.effort, LIMITS)
     assert not converted.effort.flags.writeable

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import isfinite
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..exceptions import DimensionError, NonFiniteError, ParameterError
+
+T = TypeVar("T")
 
 Array: TypeAlias = NDArray[np.float64]
 """What the library returns: float64, C-contiguous, native byte order."""
@@ -121,6 +124,21 @@ def size(name: str, value: ArrayLike) -> float:
         ParameterError: It is anything else.
     """
     return number(name, value, "zero or positive", lambda x: x >= 0.0)
+
+
+def choice(name: str, value: T, choices: Iterable[str]) -> T:
+    """Return a value that is one of some names.
+
+    Raises:
+        ParameterError: It is none of them.
+    """
+    names = list(choices)
+    if value not in names:
+        *others, last = (f'"{each}"' for each in names)
+        raise ParameterError(
+            name, value, " or ".join([", ".join(others), last] if others else [last])
+        )
+    return value
 
 
 def whole_number(name: str, value: Any, at_least: int = 0, meaning: str = "") -> int:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import functools
 from typing import get_args
 
+from .._common.arrays import choice
 from .._numba import warn_once
-from ..exceptions import ParameterError, UnsupportedJointError
+from ..exceptions import UnsupportedJointError
 from .cartesian_tick import CartesianLaw, ToolForm
 from .protocol import Backend
 from .tick import ControlLaw, NumpyTick, TickForm
@@ -27,7 +28,7 @@ def tick_form(backend: Backend, law: ControlLaw) -> TickForm:
         ParameterError: An unknown backend.
         ModelError: The compiled dynamics of the arm are not Pinocchio's.
     """
-    _check(backend)
+    choice("backend", backend, get_args(Backend))
     if backend == "numpy" or not is_available(backend):
         return NumpyTick(law)
     from .compiled.forms import CompiledTick, PinocchioTick  # noqa: PLC0415 (Numba is loaded when needed)
@@ -62,7 +63,7 @@ def tool_form(backend: Backend, law: CartesianLaw) -> ToolForm | None:
         ParameterError: An unknown backend.
         ModelError: The compiled motion or dynamics of the arm are not Pinocchio's.
     """
-    _check(backend)
+    choice("backend", backend, get_args(Backend))
     if backend == "numpy" or not is_available(f"{backend} tool"):
         return None
     from .compiled.tool_forms import CompiledToolTick, PinocchioToolTick  # noqa: PLC0415 (Numba is loaded when needed)
@@ -81,11 +82,6 @@ def tool_form(backend: Backend, law: CartesianLaw) -> ToolForm | None:
             f"there is no compiled motion of '{name}': NumPy computes the tick, more slowly: {error}"
         )
         return None
-
-
-def _check(backend: Backend) -> None:
-    if backend not in get_args(Backend):
-        raise ParameterError("backend", backend, '"numpy", "pinocchio" or "compiled"')
 
 
 @functools.cache

@@ -14,7 +14,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, positive
+from .._common.arrays import Array, choice, positive
 from .._common.brief import brief_repr
 from .._common.deprecation import renamed_arguments
 from .._common.frozen import set_fields
@@ -199,9 +199,7 @@ class FirstOrderSlidingMode(_Sliding):
         model: Knowledge = "full",
     ) -> None:
         super().__init__(arm, impedance, surface_rate, gain, dt, model=model)
-        if smoothing not in get_args(Smoothing):
-            names = ", ".join(map(repr, get_args(Smoothing)))
-            raise ParameterError("smoothing", smoothing, f"one of {names}")
+        choice("smoothing", smoothing, get_args(Smoothing))
         if (width is None) != (smoothing == "sign"):
             raise ParameterError(
                 "width", width, "given with a boundary layer or a dead zone, only there"

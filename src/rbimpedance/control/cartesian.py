@@ -133,7 +133,7 @@ class CartesianController(MadeAnew, CartesianControllerBase[CartesianState]):
             dt=dt,
             frame=kinematics.frame,
             posture=Posture(posture.q, laws.null.surface, laws.null.reaching),
-            limits=as_limits(limits),
+            limits=as_limits(limits, arm.nv),
             joint_limits=joint_limits,
             damping=damping,
             backend=backend,
@@ -147,8 +147,6 @@ class CartesianController(MadeAnew, CartesianControllerBase[CartesianState]):
         null_size = max(arm.nv - 6, 0)
         for part in (surface, reaching):
             part.check(null_size)
-        if self.limits is not None:
-            self.limits.check(arm.nv)
         bounds = JointBounds(*arm.joint_limits(), arm.velocity_limit, self.dt)
         law = CartesianLaw(
             arm,

@@ -334,9 +334,7 @@ class CartesianPID(ToolBaseline):
         limits: Limits | ArrayLike | None = None,
     ) -> None:
         super().__init__(arm, impedance, dt, frame=frame)
-        limits = as_limits(limits)
-        if limits is not None:
-            limits.check(arm.nv)
+        limits = as_limits(limits, arm.nv)
         bandwidth = per_joint("bandwidth", positive("bandwidth", bandwidth), 6)
         set_fields(self, bandwidth=bandwidth, limits=limits, _gains=pid_gains(bandwidth, self.dt))
 

@@ -102,15 +102,14 @@ class ImpedanceController(MadeAnew, ControllerBase[ControllerState, ControllerOu
         backend: Backend = "pinocchio",
     ) -> None:
         dt = positive_number("dt", dt, "control period in seconds")
-        limits, model = as_limits(limits), as_knowledge(model)
+        limits, model = as_limits(limits, arm.nv), as_knowledge(model)
         impedance = default_impedance(arm) if impedance is None else impedance
         if surface is None or reaching is None:
             law = default_law(arm, dt, model, surface)
             surface = law.surface
             arm, reaching = (arm, reaching) if reaching is not None else (law.arm, law.reaching)
-        for part in (surface, reaching, limits):
-            if part is not None:
-                part.check(arm.nv)
+        for part in (surface, reaching):
+            part.check(arm.nv)
         set_fields(
             self,
             arm=arm,

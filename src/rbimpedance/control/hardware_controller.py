@@ -8,10 +8,9 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, per_joint, positive
+from .._common.arrays import Array, choice, per_joint, positive, positive_or_infinite
 from .._common.brief import brief_repr
 from .._common.frozen import MadeAnew, set_fields
-from ..exceptions import ParameterError
 from ..law.impedance import TargetImpedance
 from ..law.limits import Limits, as_limits
 from ..law.observed_law import commanded
@@ -120,8 +119,6 @@ class HardwareController(MadeAnew, Baseline[HardwareState]):
         limits: Limits | ArrayLike | None = None,
         backend: HardwareBackend = "compiled",
     ) -> None:
-        if backend not in get_args(HardwareBackend):
-            raise ParameterError("backend", backend, '"numpy" or "compiled"')
         super().__init__(arm, default_impedance(arm) if impedance is None else impedance, dt)
         quiet, alert = (
             per_joint(name, positive(name, value), arm.nv)
@@ -133,11 +130,11 @@ class HardwareController(MadeAnew, Baseline[HardwareState]):
             bandwidths=Bandwidths(quiet, alert),
             k2=per_joint("k2", positive("k2", k2), arm.nv),
             learns_friction=bool(learns_friction),
-            accuracy=per_joint("accuracy", _positive_or_infinite("accuracy", accuracy), arm.nv),
+            accuracy=per_joint("accuracy", positive_or_infinite("accuracy", accuracy), arm.nv),
             expected=nothing_known(arm.nv) if expected is None else expected,
             load=arm.with_payload(1.0) if load is None else load,
-            limits=_with_rate(as_limits(limits), hardware),
-            backend=backend,
+            limits=_with_rate(as_limits(limits, arm.nv), hardware),
+            backend=choice("backend", backend, get_args(HardwareBackend)),
         )
         if self.limits is not None:
             self.limits.check(arm.nv)
@@ -317,10 +314,3 @@ def _with_rate(limits: Limits | None, hardware: Hardware) -> Limits | None:
         return limits
     own = Limits() if limits is None else limits
     return Limits(own.effort, np.minimum(own.rate, hardware.torque_rate))
-
-
-def _positive_or_infinite(name: str, value: ArrayLike) -> Array:
-    """Positive numbers, of which some may be infinite."""
-    array = np.array(value, dtype=np.float64)
-    positive(name, np.where(np.isposinf(array), 1.0, array))
-    return array

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, per_joint, positive
+from .._common.arrays import Array, positive
 from .._common.frozen import set_fields
 from ..law.impedance import TargetImpedance
 from ..law.limits import Limits, as_limits
@@ -78,10 +78,7 @@ class PIDImpedance(Baseline[PIDState]):
         limits: Limits | ArrayLike | None = None,
     ) -> None:
         super().__init__(arm, impedance, dt, model=model)
-        limits = as_limits(limits)
-        if limits is not None:
-            per_joint("limits.effort", limits.effort, arm.nv)
-            per_joint("limits.rate", limits.rate, arm.nv)
+        limits = as_limits(limits, arm.nv)
         bandwidth = positive("bandwidth", bandwidth, arm.nv)
         set_fields(self, bandwidth=bandwidth, limits=limits, _gains=pid_gains(bandwidth, self.dt))
 

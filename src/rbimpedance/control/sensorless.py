@@ -133,7 +133,7 @@ class CompliantController(SensorlessBase[CompliantState, ControllerOutput]):
             damping=None if damping is None else D,
             dt=dt,
             reject=reject,
-            limits=as_limits(limits),
+            limits=as_limits(limits, arm.nv),
             _observer=MomentumObserver(arm, dt=dt) if reject.any() else None,
         )
 

@@ -195,10 +195,15 @@ class Limits:
         return lower, upper
 
 
-def as_limits(limits: Limits | ArrayLike | None) -> Limits | None:
-    """Return the limits; an array-like means torque limits.
+def as_limits(limits: Limits | ArrayLike | None, nv: int) -> Limits | None:
+    """Return the limits of nv joints; an array-like means torque limits.
 
     Raises:
         ParameterError: A limit that is not a positive number.
+        DimensionError: Limits for another number of joints.
     """
-    return limits if limits is None or isinstance(limits, Limits) else Limits(effort=limits)
+    if limits is None:
+        return None
+    known = limits if isinstance(limits, Limits) else Limits(effort=limits)
+    known.check(nv)
+    return known

@@ -18,7 +18,7 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, gain, positive
+from .._common.arrays import Array, choice, gain, positive
 from .._common.brief import brief_repr
 from .._common.deprecation import renamed_attribute
 from .._common.frozen import Converted, Gain, set_fields
@@ -180,10 +180,7 @@ class SuperTwisting(FormulaReaching):
     margin: Gain = Converted(_margin, 1.0)
 
     def __post_init__(self) -> None:
-        if self.scheme not in get_args(Scheme):
-            raise ParameterError(
-                "scheme", self.scheme, "one of " + ", ".join(map(repr, get_args(Scheme)))
-            )
+        choice("scheme", self.scheme, get_args(Scheme))
         if self.scheme != "matched" and np.any(self.margin != 1.0):
             words = f"1 with the {self.scheme!r} scheme; only 'matched' has a margin"
             raise ParameterError("margin", self.margin, words)

@@ -10,6 +10,7 @@ import numpy as np
 
 from .._common.arrays import (
     Array,
+    choice,
     not_negative,
     per_joint,
     positive,
@@ -20,7 +21,6 @@ from .._common.arrays import (
 )
 from .._common.brief import brief_repr
 from .._common.frozen import Converted, Gain, OptionalGain, unless_none
-from ..exceptions import ParameterError
 from .arm_model import ArmModel
 
 EncoderSide: TypeAlias = Literal["motor", "link"]
@@ -28,9 +28,7 @@ EncoderSide: TypeAlias = Literal["motor", "link"]
 
 
 def _side(name: str, value: EncoderSide) -> EncoderSide:
-    if value not in get_args(EncoderSide):
-        raise ParameterError(name, value, '"motor" or "link"')
-    return value
+    return choice(name, value, get_args(EncoderSide))
 
 
 @brief_repr(omit_defaults=True)
@@ -92,9 +90,7 @@ class Hardware:
         Raises:
             ParameterError: There is no such entry.
         """
-        if name not in _PUBLISHED:
-            raise ParameterError("name", name, f"one of {', '.join(map(repr, _PUBLISHED))}")
-        return cls(**(_PUBLISHED[name] | more))
+        return cls(**(_PUBLISHED[choice("name", name, _PUBLISHED)] | more))
 
     def but(self, **changes: Any) -> Hardware:
         """Return a copy with other values, by the names of the attributes."""

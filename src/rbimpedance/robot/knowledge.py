@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Literal, cast, get_args
 
-from .._common.arrays import Array
+from .._common.arrays import Array, choice
 from .._common.deprecation import warn_renamed
-from ..exceptions import ParameterError
 from .arm_model import ArmModel
 
 Knowledge = Literal["full", "inertia"]
@@ -30,6 +29,4 @@ def as_knowledge(model: str) -> Knowledge:
     if model == "mass":
         warn_renamed('model="mass"', 'model="inertia"')
         return "inertia"
-    if model not in get_args(Knowledge):
-        raise ParameterError("model", model, '"full" or "inertia"')
-    return cast("Knowledge", model)
+    return cast("Knowledge", choice("model", model, get_args(Knowledge)))

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, BoolArray, whole_number
+from .._common.arrays import Array, BoolArray, choice, whole_number
 from .._common.deprecation import renamed_arguments
 from ..control.cartesian_base import CartesianControllerBase
 from ..control.protocol import Controller
@@ -25,7 +25,7 @@ from .batch_run import run_worlds
 from .closed_loop import LOGGED, ClosedLoop
 from .plants import Plant
 from .plants.integrators import Integrator
-from .run import check_choice, closed_loop, on_hardware
+from .run import closed_loop, on_hardware
 from .sampling import tick_times
 
 AnyController: TypeAlias = Controller[Any] | CartesianControllerBase[Any]
@@ -136,7 +136,7 @@ def simulate_batch(  # noqa: PLR0913 (worlds and their settings, each given by n
         NonFiniteError: An input holds NaN or infinity.
     """
     for name in channels:
-        check_choice("channels", name, LOGGED)
+        choice("channels", name, LOGGED)
     threads = _cores() if threads is None else threads
     whole_number("every", every, 1, "ticks from one sample to the next")
     whole_number("threads", threads, 1, "number of threads")

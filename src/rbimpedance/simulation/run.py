@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, positive_number, vector, whole_number
+from .._common.arrays import Array, choice, positive_number, vector, whole_number
 from .._common.deprecation import renamed_arguments, warn_renamed
 from ..control.cartesian_base import CartesianControllerBase
 from ..control.controller import ImpedanceController
@@ -190,7 +190,7 @@ def closed_loop(
     """Return the checked parts of a run; arguments and errors are those of `simulate`."""
     ticks = number_of_ticks(duration, controller.dt)
     whole_number("substeps", substeps, 1, "the period is a multiple of the physics step")
-    check_choice("integrator", integrator, INTEGRATORS)
+    choice("integrator", integrator, INTEGRATORS)
     arm, engine = (plant, None) if isinstance(plant, ArmModel) else (plant.arm, plant)
     acting = as_interaction(environment)
     if (controller.arm.nq, controller.arm.nv) != (arm.nq, arm.nv):
@@ -230,16 +230,6 @@ def _stops(joint_stops: bool | JointStops, arm: ArmModel, h: float) -> JointStop
     if not isinstance(joint_stops, bool):
         raise ParameterError("joint_stops", joint_stops, "True, False or JointStops")
     return JointStops.at_limits(arm, h) if joint_stops else None
-
-
-def check_choice(name: str, value: str, choices: Iterable[str]) -> None:
-    """Refuse a word that is none of the choices.
-
-    Raises:
-        ParameterError: It is not.
-    """
-    if value not in choices:
-        raise ParameterError(name, value, "one of " + ", ".join(map(repr, choices)))
 
 
 def number_of_ticks(duration: float, dt: float) -> int:

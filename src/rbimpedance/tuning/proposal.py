@@ -8,7 +8,7 @@ from typing import Any, cast, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._common.arrays import Array, per_joint, positive_number
+from .._common.arrays import Array, positive_number
 from .._common.brief import brief_repr
 from .._common.deprecation import renamed_attribute
 from ..control.controller import ImpedanceController
@@ -288,7 +288,7 @@ def propose_gains(  # noqa: PLR0913 (requirements, each given by name)
             "accuracy", ACCURACY if accuracy is None else accuracy, "error"
         ),
         "spread": MotionMargin() if spread is None else spread,
-        "limits": _checked_limits(limits, arm.nv),
+        "limits": as_limits(limits, arm.nv),
     } | search
     if frame is not None:
         _check_at_tool(surface=surface, hardware=hardware)
@@ -317,14 +317,6 @@ def _searched(trial: Trial) -> GainProposal:
     checked = trial.of({})
     tried = Tried() if checked.design.joint is None else try_remedies(trial, checked)
     return _proposal(trial.task, checked, tried)
-
-
-def _checked_limits(limits: Limits | ArrayLike | None, nv: int) -> Limits | None:
-    limits = as_limits(limits)
-    if limits is not None:
-        for name, value in vars(limits).items():
-            per_joint(f"Limits.{name}", value, nv)
-    return limits
 
 
 def _proposal(task: DesignTask, checked: Checked, tried: Tried) -> GainProposal:

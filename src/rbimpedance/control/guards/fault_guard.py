@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..._common.arrays import Array, is_finite, per_joint, positive_number, whole_number
+from ..._common.arrays import Array, choice, is_finite, per_joint, positive_number, whole_number
 from ..._common.brief import brief_repr
 from ..._common.frozen import set_fields
 from ...exceptions import InputError, ParameterError
@@ -141,8 +141,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
             on_event: Called at every change, for logs; the result of `step` does not depend on it.
         """
         arm = controller.arm
-        if policy not in get_args(Policy):
-            raise ParameterError("policy", policy, '"raise", "hold" or "stop"')
+        choice("policy", policy, get_args(Policy))
         rate = positive_number("rate", rate, "rate in 1/s")
         if rate * controller.dt > 0.5:
             raise ParameterError("rate", rate, f"at most 0.5/dt = {0.5 / controller.dt:g} 1/s")
@@ -419,7 +418,7 @@ _NO_PERIOD = Fault("malformed", "period", (), "period has to be a positive time 
 
 def _limits(arm: ArmModel, limits: Limits | ArrayLike | None) -> Limits:
     """The limits, or the arm's; one number per joint."""
-    chosen = as_limits(limits) or Limits(effort=arm.effort_limit)
+    chosen = as_limits(limits, arm.nv) or Limits(effort=arm.effort_limit)
     return Limits(
         effort=per_joint("limits.effort", chosen.effort, arm.nv),
         rate=per_joint("limits.rate", chosen.rate, arm.nv),

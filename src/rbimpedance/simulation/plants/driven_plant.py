@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..._common.arrays import Array, BoolArray, not_negative
+from ..._common.arrays import Array, BoolArray, choice, not_negative
 from ..._common.brief import brief_repr
 from ..._common.frozen import set_fields
 from ...exceptions import ParameterError
@@ -147,8 +147,6 @@ class DrivenPlant:
         if not isinstance(links, ArmModel | Plant):
             raise ParameterError("links", links, "an ArmModel or a Plant")
         arm = links if isinstance(links, ArmModel) else links.arm
-        if encoders not in ("motor", "link"):
-            raise ParameterError("encoders", encoders, '"motor" or "link"')
         inertia = arm.armature if rotor_inertia is None else rotor_inertia
         set_fields(
             self,
@@ -159,7 +157,7 @@ class DrivenPlant:
             ripple_periods=whole("ripple_periods", ripple_periods, arm.nv),
             stiffness=stiffness_of_joints(stiffness, arm.nv),
             rotor_inertia=not_negative("rotor_inertia", inertia, arm.nv),
-            encoders=encoders,
+            encoders=choice("encoders", encoders, get_args(EncoderSide)),
             gear_friction=gear_friction,
             torque_loop=torque_loop,
         )
