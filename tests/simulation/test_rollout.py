@@ -399,7 +399,7 @@ def test_default_run_does_not_compile_the_rollout() -> None:
         "c = rbi.ImpedanceController(arm, *parts, 1e-3)\n"
         "rbi.simulate(c, arm, rbi.trajectories.hold(arm), duration=0.01)\n"
         "loop = sys.modules.get('rbimpedance.simulation.compiled.loop')\n"
-        "print(loop is not None and bool(loop._ROLLOUT))"
+        "print(loop is not None and loop.rollout.kernel is not None)"
     )
     run = fresh_python(code)
     assert run.stdout.strip() == "False"

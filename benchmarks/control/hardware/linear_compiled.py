@@ -5,13 +5,13 @@ Compiled pieces of the library make the plant's steps and the model's dynamics. 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 import rbimpedance as rbi
 from benchmarks.arms import Array
-from rbimpedance._numba.compile import inline, kernel, routine
+from rbimpedance._numba.compile import inline, routine
 from rbimpedance.control.compiled.hardware_tick import correction, lagged, moved
 from rbimpedance.control.compiled.manifold import add_step, difference, factorize, solve
 from rbimpedance.control.pid import pid_gains
@@ -24,7 +24,7 @@ from rbimpedance.robot.compiled.tables import ArmTables, Workspace, workspace
 from rbimpedance.simulation.compiled import driven
 from rbimpedance.simulation.compiled.driven import DriveMemory, DriveSpace, DriveTables
 from rbimpedance.simulation.compiled.environment import Environment, EnvironmentTables
-from rbimpedance.simulation.compiled.loop import ReferenceSamples, own_type, runaway
+from rbimpedance.simulation.compiled.loop import CompiledOnce, ReferenceSamples, runaway
 from rbimpedance.simulation.driven_runs import _rows
 from rbimpedance.simulation.plants.compiled_drives import drive_tables
 from rbimpedance.simulation.sampling import sample, tick_times
@@ -127,9 +127,7 @@ class LinearRuns:
             driven.drive_space(nq, nv),
             log,
         )
-        if not _KERNEL:
-            _KERNEL.append(kernel(_run, tuple(map(own_type, arguments))))
-        _KERNEL[0](*arguments)
+        _compiled(*arguments)
         return log
 
     def _tables(self, law: Law, settings: Settings) -> LinearLaw:
@@ -143,9 +141,6 @@ class LinearRuns:
         diagonal = np.ascontiguousarray(np.einsum("ijkj->jik", maps).reshape(nv, 9))
         lag = np.array(lag_of(self.hardware.lag(self.model), DT))
         return LinearLaw(self._known, numbers, diagonal, lag)
-
-
-_KERNEL: list[Any] = []
 
 
 def _space(nq: int, nv: int) -> LinearSpace:
@@ -366,3 +361,6 @@ def _move(
     for j in range(len(v)):
         step, v[j] = moved(v[j], a[j], DT)
         add_step(law.arm, j, q, step, q)
+
+
+_compiled = CompiledOnce(_run)

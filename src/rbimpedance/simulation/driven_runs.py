@@ -152,7 +152,7 @@ class DrivenRun:
             *self.fixed, environment, ReferenceSamples(*reference), self.memory, self.moving,
             *self.rest, clock,
         )  # fmt: skip
-        ending = driven.driven_kernel(arguments)(*arguments)
+        ending = driven.driven_rollout(*arguments)
         if ending == driven.DIVERGED:
             tick, joint = clock.outcome.tolist()
             raise loop.divergence(tick, joint, self.channels)

@@ -120,15 +120,7 @@ class Uncertainty:
     def corners(self, arm: ArmModel, count: int, *, seed: int = 0) -> tuple[PlantSample, ...]:
         """Draw plants with every range at one of its ends, joint by joint and axis by axis, apart from each other.
 
-        Args:
-            arm: The arm as it is modelled.
-            count: How many, at least 1; corners may repeat where there are fewer.
-            seed: Of the draw and of the noise.
-
-        Raises:
-            ParameterError: `count` or `seed` is not a whole number, or `count` is 0.
-            DimensionError: A range is given for another number of joints.
-            ModelError: The arm has no frame `payload_frame`.
+        Arguments and errors are those of `sample`; corners may repeat where there are fewer than `count`.
         """
         whole_number("count", count, 1)
         rng, ranges = np.random.default_rng(whole_number("seed", seed)), self._ranges(arm)

@@ -41,7 +41,7 @@ from ...robot.compiled.rigid_body import place_joints
 from ...robot.compiled.tables import ArmTables, Workspace, workspace
 from ..plants import dry_friction
 from .environment import Environment, environment_torque
-from .loop import ReferenceSamples, own_type, runaway
+from .loop import CompiledOnce, ReferenceSamples, runaway
 from .plant import integrate
 
 impedance_error = helper(impedance.impedance_error)
@@ -170,20 +170,6 @@ def _step_entry(
     place_joints(plant.arm, space.recursions, q)
     _step(plant, space, tau, moving)
     return 0
-
-
-_KERNEL: list[Callable[..., Any]] = []
-
-
-def driven_kernel(arguments: tuple[Any, ...]) -> Callable[..., Any]:
-    """Compile the loop, or load it from the disk; it runs without the interpreter's lock.
-
-    Args:
-        arguments: Those of a call; the next one is of the same types.
-    """
-    if not _KERNEL:
-        _KERNEL.append(kernel(_run, tuple(map(own_type, arguments)), nogil=True))
-    return _KERNEL[0]
 
 
 def _run(
@@ -342,3 +328,6 @@ def _write(
         e1, e2, e3 = o[OUT_E1, j], o[OUT_E2, j], o[OUT_A_R, j] - rows[_A, j]
         log.e1[k, j], log.e2[k, j] = e1, e2
         log.e_im[k, j] = impedance_error(target[0, j], target[1, j], target[2, j], e1, e2, e3)
+
+
+driven_rollout = CompiledOnce(_run)

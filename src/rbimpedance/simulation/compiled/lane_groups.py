@@ -149,7 +149,7 @@ class LaneGroup:
             memory, space, clock, log, figures, ended,
         )  # fmt: skip
         known = ended[TICK] >= 0.0
-        while lane_rollout(arguments)(*arguments) == LEFT:
+        while lane_rollout(*arguments) == LEFT:
             self._put_back(members, (ended[TICK] >= 0.0) & ~known, memory, figures)
             known = ended[TICK] >= 0.0
         self._put_back(members, ~known, memory, figures)

@@ -6,14 +6,14 @@ ends before that tick, and that world goes on alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..._common.arrays import Array
-from ..._numba.compile import fused, kernel, routine
+from ..._numba.compile import fused, routine
 from ..._numba.lanes import any_of, select
 from ..._numba.layouts.lane_arrays import lane_array
 from ...control.compiled.block import TAU
@@ -31,11 +31,11 @@ from .loop import (
     SUBSTEPS,
     TICK,
     Clock,
+    CompiledOnce,
     Controlled,
     LoopWorkspace,
     Memory,
     ReferenceSamples,
-    own_type,
     semi_implicit_step,
     take_reference,
     update_impedance_error,
@@ -197,16 +197,4 @@ def _stop(motion: PlantMotion, bound: float, is_beyond: bool, k: int, ended: Arr
         q[j], v[j] = select(is_beyond, 0.0, q[j]), select(is_beyond, 0.0, v[j])
 
 
-_ROLLOUT: list[Callable[..., Any]] = []
-
-
-def lane_rollout(arguments: tuple[Any, ...]) -> Callable[..., Any]:
-    """Compile the rollout, or load it from the disk; it runs without the interpreter's lock.
-
-    Args:
-        arguments: Those of a call; the next one is of the same types.
-    """
-    if not _ROLLOUT:
-        kinds = tuple(own_type(argument) for argument in arguments)
-        _ROLLOUT.append(kernel(_rollout, kinds, nogil=True))
-    return _ROLLOUT[0]
+lane_rollout = CompiledOnce(_rollout)

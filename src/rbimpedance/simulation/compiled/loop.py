@@ -279,21 +279,6 @@ def runaway(v: Array, bound: float) -> int:
     return joint
 
 
-_ROLLOUT: list[Callable[..., Any]] = []
-
-
-def rollout(arguments: tuple[Any, ...]) -> Callable[..., Any]:
-    """Compile the rollout, or load it from the disk; it runs without the interpreter's lock.
-
-    Args:
-        arguments: Those of a call; the next one is of the same types.
-    """
-    if not _ROLLOUT:
-        kinds = tuple(own_type(argument) for argument in arguments)
-        _ROLLOUT.append(kernel(_rollout, kinds, nogil=True))
-    return _ROLLOUT[0]
-
-
 def own_type(value: Any) -> types.Type:
     """Return the type of an array that the package itself has made, or of a named tuple of such."""
     if isinstance(value, LaneNumbers):
@@ -303,6 +288,30 @@ def own_type(value: Any) -> types.Type:
     if type(value) is tuple:  # of arrays of one kind
         return types.UniTuple(own_type(value[0]), len(value))
     return types.NamedTuple([own_type(part) for part in value], type(value))
+
+
+class CompiledOnce:
+    """A function that is compiled at its first call, for the types of its arguments, or loaded from the disk.
+
+    It runs without the interpreter's lock.
+
+    Attributes:
+        kernel: The compiled function; None before the first call.
+    """
+
+    def __init__(self, function: Callable[..., int]) -> None:
+        self._function = function
+        self.kernel: Callable[..., int] | None = None
+
+    def __call__(self, *arguments: Any) -> int:
+        """Run the function; the types of the arguments are those of the first call."""
+        if self.kernel is None:
+            kinds = tuple(own_type(argument) for argument in arguments)
+            self.kernel = kernel(self._function, kinds, nogil=True)
+        return self.kernel(*arguments)
+
+
+rollout = CompiledOnce(_rollout)
 
 
 GOES_ON = -1

@@ -173,7 +173,7 @@ class World:
             self.controlled, self.plant, self.surroundings.driven(block.drive), ReferenceSamples(*block.reference),
             self.memory, block.desk, clock, block.journal, block.figures or no_figures(),
         )  # fmt: skip
-        status = rollout(arguments)(*arguments)
+        status = rollout(*arguments)
         tick, joint = clock.outcome.tolist()
         return Outcome(_ENDINGS[status], tick, joint)
 
