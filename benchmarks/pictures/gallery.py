@@ -51,6 +51,7 @@ def figures() -> Mapping[str, Figure]:
     )
     loaded = replace(scenario, plant=scenario.plant.with_payload(0.3)).simulate()
     observed = rbi.estimate_disturbance(loaded, arm, rbi.SuperTwisting(60.0, 200.0))
+    at_tool = pushed_tool()
     payloads, gains = [0.0, 1.0, 2.0, 4.0], [5.0, 10.0, 20.0, 40.0]
     errors = [[left_after_two_seconds(m, k1) for k1 in gains] for m in payloads]
     return {
@@ -74,7 +75,26 @@ def figures() -> Mapping[str, Figure]:
             corrected, rbi.energy_balance(corrected, arm)
         ),
         "disturbance": plotting.disturbance(loaded, observed),
+        "tool_errors": plotting.tool_errors(at_tool),
+        "tool_path": plotting.tool_path(at_tool),
     }
+
+
+def pushed_tool() -> rbi.SimulationResult:
+    """A tool that is soft in z on a line, pushed down, with 1 kg that its controller does not know of."""
+    arm = arms.load("ur5", armature=0.1)
+    target = rbi.CartesianImpedance((3.0, 0.15), [1000.0, 1000.0, 200.0, 30.0, 30.0, 30.0])
+    q0 = [0.0, -1.2, 1.6, -1.9, -1.57, 0.3]
+    start = rbi.Pose(*arm.frame_placement(q0))
+    line = rbi.trajectories.cartesian.line(start, [0.0, 0.2, 0.0], duration=1.0)
+    return rbi.simulate(
+        rbi.CartesianController(arm, target),
+        arm.with_payload(1.0),
+        line,
+        environment=[0.0, 0.0, -10.0, 0.0, 0.0, 0.0],
+        q0=q0,
+        duration=1.5,
+    )
 
 
 def push(page: Path) -> Path:

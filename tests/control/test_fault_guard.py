@@ -576,7 +576,7 @@ def test_arm_without_a_position_asks_for_brakes_before_an_offset_of_its_speed_ta
 ):
     """q is lost for good, v is measured 0.02 rad/s too low: the arm that seems to rest drifts."""
     arm = rbi.load_robot("two_link")
-    guard = FaultGuard(law(arm), "stop", longest_drift=0.5)
+    guard = FaultGuard(law(arm), "stop", longest_blind=0.25)
 
     def lose_position(k: int, inputs: dict[str, Any]) -> None:
         if k >= 300:

@@ -253,7 +253,7 @@ def test_bad_gain_is_refused(name: str, value: Any) -> None:
 
 
 def test_unknown_scheme_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(rbi.ParameterError, match="'explicit', 'matched', 'implicit'"):
+    with pytest.raises(rbi.ParameterError, match='"explicit", "matched" or "implicit"'):
         rbi.SuperTwisting(K1, K2, scheme="backward")  # type: ignore[arg-type]
 
 

@@ -52,7 +52,7 @@ def test_named_entries_take_figures_of_ones_own() -> None:
     assert hardware.delay == 1
     assert hardware.torque_rate == 1000.0
     assert hardware.encoder_bits == 20
-    with pytest.raises(rbi.ParameterError, match="'panda', 'fr3'"):
+    with pytest.raises(rbi.ParameterError, match='"panda" or "fr3"'):
         rbi.Hardware.of("toaster")
 
 

@@ -41,7 +41,8 @@ def roots_and_signs(a: float, b: float) -> float:
 
 @fused
 def conditions(a: float, b: float) -> float:
-    return select((a > b) | (b == 0.0), -a, select((a <= 1.0) & (b != 2.0), b, 0.5))
+    chosen: float = select((a > b) | (b == 0.0), -a, select((a <= 1.0) & (b != 2.0), b, 0.5))
+    return chosen
 
 
 @inline
@@ -140,9 +141,8 @@ def test_recursions_in_lanes_are_bit_identical_to_those_of_one_arm(
         joints, q, given, out = (
             lane_array(*shape) for shape in (tables[0].joints.shape, (nq,), (2, nv), (nv,))
         )
-        space = Workspace(
-            *(lane_array(nv) for _ in range(3)), lane_array(*workspace(nv).rows.shape)
-        )
+        position, cos, sin = (lane_array(nv) for _ in range(3))
+        space = Workspace(position, cos, sin, lane_array(*workspace(nv).rows.shape))
         given[...] = rng.normal(size=given.shape)
         for i, table in enumerate(tables):
             joints[..., i], q[:, i] = table.joints, base.random_configuration(rng)

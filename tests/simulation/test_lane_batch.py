@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from numpy.typing import NDArray
 
 import rbimpedance as rbi
 from rbimpedance.law.surfaces import FormulaSurface
@@ -69,7 +71,7 @@ def worlds(arm: rbi.ArmModel, n: int, rng: np.random.Generator, **changes: Any) 
 
 def assert_is_simulate(given: list[Any], stop: int | None = None, **settings: Any) -> Any:
     """Run worlds as a batch, and hold each to its own run."""
-    listed = {name: [world[name] for world in given] for name in given[0]}
+    listed: dict[str, Any] = {name: [world[name] for world in given] for name in given[0]}
     batch = rbi.simulate_batch(
         **listed, **settings, channels=CHANNELS, every=3, after=0.02, threads=2
     )
@@ -125,6 +127,10 @@ def test_friction_dry_and_stiff(
     assert groups == [8]
 
 
+def rising(i: int, t: float) -> NDArray[np.float64]:
+    return np.full(6, 0.1 * i + t)
+
+
 def test_walls_functions_of_time_and_coupled_targets(
     groups: list[int], rng: np.random.Generator
 ) -> None:
@@ -133,7 +139,7 @@ def test_walls_functions_of_time_and_coupled_targets(
     given = worlds(arm, 8, rng, impedance=target)
     for i, world in enumerate(given):
         wall = rbi.Wall(arm.frame_placement(world["q0"])[1], [1.0, 1.0, 0.0], 300.0 + i, 5.0)
-        torque = rbi.JointTorque(lambda t, i=i: np.full(6, 0.1 * i + t))
+        torque = rbi.JointTorque(functools.partial(rising, i))
         world["environment"] = [wall, torque]
     given = [world | {"environment": rbi.interaction.Sum(world["environment"])} for world in given]
     assert_is_simulate(given, duration=0.05)
@@ -170,7 +176,7 @@ def test_a_world_that_diverges_leaves_the_others_as_they_are(
 
 def test_unsound_inputs_are_refused(rng: np.random.Generator) -> None:
     given = worlds(arms.manipulator(), 8, rng)
-    listed = {name: [world[name] for world in given] for name in given[0]}
+    listed: dict[str, Any] = {name: [world[name] for world in given] for name in given[0]}
     listed["environment"] = [
         *listed["environment"][:7],
         lambda t: np.full(6, 1.0 if t < 0.02 else np.nan),

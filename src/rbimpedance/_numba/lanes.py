@@ -190,10 +190,10 @@ for _function, _name in ((abs, "fabs"), (math.floor, "floor"), (math.sqrt, "sqrt
 _define(math.copysign, Lanes, LANES, _llvm("copysign"))
 _define(min, Lanes, LANES, _extreme("<"))
 _define(max, Lanes, LANES, _extreme(">"))
-for _function in (math.cos, math.sin, math.tanh, math.asin, math.acos):
-    _define(_function, Lanes, LANES, _lane_by_lane(_function), 1)
-for _function in (math.pow, math.atan2):
-    _define(_function, Lanes, LANES, _lane_by_lane(_function))
+for _of_one in (math.cos, math.sin, math.tanh, math.asin, math.acos):
+    _define(_of_one, Lanes, LANES, _lane_by_lane(_of_one), 1)
+for _of_two in (math.pow, math.atan2):
+    _define(_of_two, Lanes, LANES, _lane_by_lane(_of_two))
 
 
 # --- conditions -----------------------------------------------------------------------------------------------------

@@ -49,9 +49,12 @@ class ToolMeasured(NamedTuple):
         """Return the measurements with every array contiguous and aligned: q, v, reference, wrench, tau_ext."""
         (R, p), v_d, a_d = self.desired
         R, p, v_d, a_d, q, v, wrench = (
-            np.require(x, requirements="CA") for x in (R, p, v_d, a_d, self.q, self.v, self.wrench)
+            np.require(x, requirements=("C", "A"))
+            for x in (R, p, v_d, a_d, self.q, self.v, self.wrench)
         )
-        tau_ext = None if self.tau_ext is None else np.require(self.tau_ext, requirements="CA")
+        tau_ext = (
+            None if self.tau_ext is None else np.require(self.tau_ext, requirements=("C", "A"))
+        )
         return q, v, CartesianReference(Pose(R, p), v_d, a_d), wrench, tau_ext
 
     def external_torque(self, J: Array) -> Array:

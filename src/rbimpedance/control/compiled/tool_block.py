@@ -168,14 +168,14 @@ class PackedToolOutput(PackedTool):
     pose = property(lambda self: _pose(self.rows, POSE))
     axes = property(lambda self: _pose(self.rows, AXES).rotation)
     wrench, e1, e2, e3, s, u, lost = map(_row, (WRENCH, E1, E2, E3, S, U, LOST))
-    e_null, s_null = (property(lambda self, k=k: self._null(k)) for k in (E_NULL, S_NULL))
+    e_null = property(lambda self: self._null(E_NULL))
+    s_null = property(lambda self: self._null(S_NULL))
     a = property(lambda self: self._joint(ACCELERATION))
     inverse = property(lambda self: self._matrix(1).copy())
     premise_holds = property(lambda self: self.rows[HOLDS] != 0.0)
-    saturated, rate_limited, joint_limited = (
-        property(lambda self, bit=bit: self._flag(bit))
-        for bit in (SATURATED, RATE_LIMITED, JOINT_LIMITED)
-    )
+    saturated = property(lambda self: self._flag(SATURATED))
+    rate_limited = property(lambda self: self._flag(RATE_LIMITED))
+    joint_limited = property(lambda self: self._flag(JOINT_LIMITED))
 
     @property
     def jacobian(self) -> Array:

@@ -52,9 +52,9 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
     Positions and velocities that agree are believed, however large. Where one of the two is lost on a joint, the other
     one gives it. Where both are lost on a joint the guard is blind: for `longest_blind` the model predicts q and v,
     v⁺ = v + h·a, a by ABA from tau and r. From then on the output says `brakes_requested` and the torque decays,
-    tau⁺ = tau·e^(-h/`longest_blind`), or as fast as the rate limit allows. Without brakes a heavy arm then sinks. Where
-    positions alone are lost the arm comes to rest as far as its velocity is measured, and drifts with an offset of that:
-    after `longest_drift` the output says `brakes_requested`, while the torque goes on to hold the arm.
+    tau⁺ = tau·e^(-h/`longest_blind`), or as fast as the rate limit allows. Without brakes a heavy arm then sinks.
+    Where positions alone are lost the arm comes to rest as far as its velocity is measured, and drifts with an offset
+    of that: after twice `longest_blind` the output says `brakes_requested`, while the torque goes on to hold the arm.
 
     What is guaranteed: an arm that is seen comes to rest, as long as the limits admit the torque and the environment
     pushes with less. A blind arm comes to rest within `longest_blind` as far as model and r are right; whether they are
@@ -79,7 +79,6 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         rate: λ, at which a motion dies away [1/s].
         longest_hold: Time after which "hold" becomes "stop" [s].
         longest_blind: Time for which the model replaces lost measurements, and in which the torque decays after [s].
-        longest_drift: Time without a position after which brakes are requested [s].
         patience: Ticks without a fault after which the controller is back.
         way_back: Shortest time in which the controller returns to the desired motion [s].
         frozen_ticks: Fewest identical measurements that count as frozen; see `Monitor`.
@@ -94,7 +93,6 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
     rate: float
     longest_hold: float
     longest_blind: float
-    longest_drift: float
     patience: int
     way_back: float
     frozen_ticks: int
@@ -116,7 +114,6 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         rate: float = 20.0,
         longest_hold: float = 0.1,
         longest_blind: float = 0.25,
-        longest_drift: float = 0.5,
         patience: int = 5,
         way_back: float = 0.1,
         frozen_ticks: int = 3,
@@ -133,7 +130,6 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
             rate: λ [1/s].
             longest_hold: Longest time to hold [s].
             longest_blind: Longest time with the model's prediction alone [s].
-            longest_drift: Longest time without a position before brakes are requested [s].
             patience: Ticks without a fault after which the controller is back, at least 1.
             way_back: Shortest time of the way back [s]; see `SoftStart`.
             frozen_ticks: See `Monitor`, at least 1.
@@ -153,7 +149,6 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
             rate=rate,
             longest_hold=positive_number("longest_hold", longest_hold, "time in seconds"),
             longest_blind=positive_number("longest_blind", longest_blind, "time in seconds"),
-            longest_drift=positive_number("longest_drift", longest_drift, "time in seconds"),
             patience=whole_number("patience", patience, 1, "ticks"),
             way_back=positive_number("way_back", way_back, "time in seconds"),
             frozen_ticks=whole_number("frozen_ticks", frozen_ticks, 1, "ticks"),
@@ -385,7 +380,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         output = output._replace(saturated=at_limit, rate_limited=is_changing & ~at_limit)
         following = now._replace(tau=tau, response=response, since=since, period=None)
         is_unseen = _is_idle(now.fault) and now.effect.constant >= self.frozen_ticks * self.dt
-        is_adrift = bool((now.monitor.joints[SINCE_Q] > self.longest_drift).any())
+        is_adrift = bool((now.monitor.joints[SINCE_Q] > 2.0 * self.longest_blind).any())
         brakes = is_lost or is_unseen or is_adrift
         return GuardedOutput.of(output, response, now.fault, brakes), following
 

@@ -14,8 +14,9 @@ from ..._common.arrays import Array
 from ..._numba.compile import fused, routine
 from ..._numba.lanes import any_of, select
 from ...law import vectors
-from ...law.vectors import Matrix, Vector
 
+Vector: TypeAlias = vectors.Vector
+Matrix: TypeAlias = vectors.Matrix
 Symmetric: TypeAlias = tuple[float, float, float, float, float, float]
 SpatialMotion: TypeAlias = tuple[Vector, Vector]
 Force: TypeAlias = tuple[Vector, Vector]

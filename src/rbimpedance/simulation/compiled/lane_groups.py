@@ -160,9 +160,10 @@ class LaneGroup:
         self, members: Sequence[LaneMember], lanes: NDArray[np.bool_], memory: Any, figures: Any
     ) -> None:
         for i in np.flatnonzero(lanes[: len(members)]).tolist():
-            put_lane(memory, i, members[i].world.memory)
-            if members[i].figures is not None:
-                put_lane(figures.table, i, members[i].figures.table)
+            world, own = members[i].world, members[i].figures
+            put_lane(memory, i, world.memory)
+            if own is not None:
+                put_lane(figures.table, i, own.table)
 
 
 def lane_desk(nq: int, nv: int) -> Any:
