@@ -140,8 +140,7 @@ def test_walls_functions_of_time_and_coupled_targets(
     for i, world in enumerate(given):
         wall = rbi.Wall(arm.frame_placement(world["q0"])[1], [1.0, 1.0, 0.0], 300.0 + i, 5.0)
         torque = rbi.JointTorque(functools.partial(rising, i))
-        world["environment"] = [wall, torque]
-    given = [world | {"environment": rbi.interaction.Sum(world["environment"])} for world in given]
+        world["environment"] = rbi.interaction.Sum(wall, torque)
     assert_is_simulate(given, duration=0.05)
     assert groups == [8]
 
@@ -170,7 +169,9 @@ def test_a_world_that_diverges_leaves_the_others_as_they_are(
     assert_array_equal(batch.diverged, [False] * 7 + [True])
     assert batch.divergence_joint[7] == alone.value.joint
     assert batch.divergence_time[7] == alone.value.result.t[-1]
-    assert np.isnan(batch["q"][7, 1:]).all()
+    lost = round(batch.divergence_time[7] / 1e-3) // 3 + 1
+    assert np.isfinite(batch["q"][7, :lost]).all()
+    assert np.isnan(batch["q"][7, lost:]).all()
     assert np.isnan(batch.metrics["e1_max"][7]).all()
 
 
@@ -199,7 +200,7 @@ class Linear(FormulaSurface):
 def test_a_formula_with_conditions_of_its_own_is_run_one_by_one(
     groups: list[int], rng: np.random.Generator
 ) -> None:
-    assert_is_simulate(worlds(arms.manipulator(), 8, rng, surface=Linear()), duration=0.02)
+    assert_is_simulate(worlds(arms.manipulator(), 8, rng, surface=Linear()), duration=0.05)
     assert groups == []
 
 
@@ -208,5 +209,5 @@ def test_arms_with_continuous_joints_are_run_one_by_one(
 ) -> None:
     arm = arms.spinner()
     given = [world | {"trajectory": hold(arm)} for world in worlds(arm, 4, rng)]
-    assert_is_simulate(given, duration=0.02)
+    assert_is_simulate(given, duration=0.05)
     assert groups == []

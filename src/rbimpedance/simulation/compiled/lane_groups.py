@@ -132,7 +132,7 @@ class LaneGroup:
 
         Returns:
             Tick and joint at which each world ended early, shape (2, 8); the tick is -1 where it did not, the joint
-            `ALONE` where the world has to go on alone from that tick.
+            `ALONE` where the world has to continue alone from that tick.
         """
         eight = _eight(members)
         first = eight[0].world

@@ -1,7 +1,7 @@
 """The closed loop of eight worlds at once: the source of `loop`, compiled for lanes.
 
 It does the ticks that are alike in all lanes. Where a world comes to a case of its own, as at a torque limit, the block
-ends before that tick, and that world goes on alone.
+ends before that tick, and that world continues alone.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from .loop import (
 from .plant import PlantMotion, PlantTables, update_acceleration, update_tau_ext
 
 LEFT, ALONE = 1, -1.0
-"""How a block ends where a world has to go on alone; and what stands for its joint."""
+"""How a block ends where a world has to continue alone; and what stands for its joint."""
 
 # Columns of `LaneLog.columns` that are not in a tick's block.
 LOG_Q, LOG_V, LOG_E_IM, LOG_TAU_EXT = -1, -2, -3, -4
@@ -109,7 +109,7 @@ def _rollout(
 ) -> int:
     """Do the ticks from that of the outcome to before `END`; see `loop._rollout`.
 
-    Tick (-1 while a lane goes on) and joint at which each lane ended are in `ended`, shape (2, 8).
+    Tick (-1 while a lane runs) and joint at which each lane ended are in `ended`, shape (2, 8).
     """
     ticks, motion = clock.ticks, memory.motion
     for k in range(clock.outcome[TICK], ticks[END]):
