@@ -3,7 +3,7 @@
     python -m benchmarks.control.hardware.compare [--arms panda ...] [--only laws] [--bits 17 19 24]
 
 Writes docs/figures/hardware_laws.json, two figures, and the tables about it in docs/hardware-limits.md. Every linear
-law is tuned per arm and encoder in 36 runs for the least error at no more than twice the torque variation of
+law is tuned per arm and encoder in some 50 runs for the least error at no more than twice the torque variation of
 perfect sensing; ours is what `propose_gains` proposes. `--only` measures some parts, `--bits` tunes the linear laws for
 these encoders.
 """
@@ -79,7 +79,7 @@ PARTS = ("ours", "standing", "laws", "springs", "ranges", "map", "engines", "imp
 
 
 def tuned(runs: LinearRuns, law: Law, cap: float) -> dict[str, Any]:
-    """The settings with the least error among the quiet ones, or the quietest; coarse ones, then around the best.
+    """The settings with the least error among the quiet ones, or the quietest: of a grid, then around the best of it.
 
     Args:
         runs: Arm and hardware.
@@ -98,7 +98,7 @@ def tuned(runs: LinearRuns, law: Law, cap: float) -> dict[str, Any]:
             return min(quiet, key=lambda each: each["error"])
         return min(found, key=lambda each: each["variation"])
 
-    found += [measured(at) for at in law.coarse]
+    found += [measured(at) for at in law.grid]
     for factor in FINER:
         found += [measured(at) for at in around(best()["settings"], factor)]
     return best()

@@ -117,12 +117,12 @@ class Law(NamedTuple):
     Attributes:
         kind: Its number in compiled code.
         build: Makes it from a model, the hardware and settings.
-        coarse: Six settings that cover what encoders of 17 to 24 bits call for.
+        grid: Settings that cover what encoders of 17 to 24 bits call for.
     """
 
     kind: int
     build: Callable[[rbi.ArmModel, rbi.Hardware, Settings], Any]
-    coarse: tuple[Settings, ...]
+    grid: tuple[Settings, ...]
 
 
 def _pd(arm: rbi.ArmModel, hardware: rbi.Hardware, at: Settings) -> Any:
@@ -141,27 +141,29 @@ def _integral_observed(arm: rbi.ArmModel, hardware: rbi.Hardware, at: Settings) 
     return _observed(rbi.baselines.PIDImpedance(arm, TARGET, at[0], DT), hardware, at[1])
 
 
+LOW_PASS = (12.0, 25.0, 50.0, 100.0, 200.0, 400.0)
+RATIOS = (0.7, 1.0, 1.5, 2.2, 4.0)
 LAWS = {
     "PD + gravity, differences": Law(
-        PD, _pd, tuple((w, f * w) for w, f in product((12.0, 30.0, 75.0), (2.5, 8.0)))
+        PD, _pd, (*product((10.0, 16.0, 25.0, 40.0, 63.0), LOW_PASS),)
     ),
     "computed torque + integral, differences": Law(
-        INTEGRAL, _integral, tuple((w, f * w) for w, f in product((10.0, 22.0, 50.0), (4.0, 12.0)))
+        INTEGRAL, _integral, (*product((8.0, 13.0, 20.0, 32.0, 50.0), LOW_PASS),)
     ),
     "computed torque + momentum observer, differences": Law(
         DISTURBANCE,
         _disturbance,
-        tuple((w, f * w, w) for w, f in product((10.0, 22.0, 50.0), (4.0, 12.0))),
+        (*product((8.0, 13.0, 20.0, 32.0, 50.0), (12.0, 30.0, 80.0, 240.0), (8.0, 25.0)),),
     ),
     "computed torque + integral, our observer": Law(
         OBSERVED,
         _integral_observed,
-        tuple((w, f * w) for w, f in product((15.0, 35.0, 80.0), (1.0, 2.5))),
+        tuple((w, r * w) for w, r in product((12.0, 20.0, 33.0, 55.0, 90.0), RATIOS)),
     ),
 }
 
-FINER = (1.5, 1.5, 1.25, 1.25, 1.1)
-"""Factors between neighbours in the rounds of a search, which has 36 runs with the coarse ones."""
+FINER = (1.3, 1.2, 1.1)
+"""Factors between neighbours in the three rounds of six runs that follow a grid."""
 
 
 def around(best: Settings, factor: float) -> list[Settings]:
