@@ -140,12 +140,18 @@ def run(
         _end(output, title, [str(error)], remedies=remedies)
         raise typer.Exit(FAILED) from error
     checkpoint.remove()
+    files = _drawn(result, acting, output)
+    reasons = [finding.words for finding in result.verdict().findings]
+    _end(output, title, reasons, result, files, remedies if reasons else ())
+
+
+def _drawn(result: SimulationResult, acting: PlantOptions, output: RunOutputOptions) -> list[Path]:
+    """Draw the figures and the animation, and return all files of the run."""
     figures = _FIGURES if result.tool is None else _AT_TOOL
     files = [*draw(result, figures, output.out), output.out / "result.npz"]
     if output.html is not None:
         files.append(result.save_html(output.html, environment=acting.environment()))
-    reasons = [finding.words for finding in result.verdict().findings]
-    _end(output, title, reasons, result, files, remedies if reasons else ())
+    return files
 
 
 def _simulate(

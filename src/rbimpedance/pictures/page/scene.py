@@ -101,14 +101,7 @@ def scene(
     center, radius = _ball(outline)
     arrows = _arrows(wrenches, radius)
     outline = _with_tool(_with_arrows(outline, wrenches, arrows), frames, radius)
-    at_tool = [frame.at_tool for frame in frames if frame.at_tool is not None]
-    moving = {
-        "arm": arm,
-        "ghost": np.array(ghosts) if ghosts else None,
-        "wrenches": wrenches,
-        "surfaces": np.array([frame.travel for frame in frames]),
-        "tool": np.array(at_tool) if at_tool else None,
-    }
+    moving = _moving(frames, arm, ghosts, wrenches)
     tools = [frame.tool for frame in frames if frame.tool is not None]
     middle = np.mean(tools, axis=0) if tools else center
     return {
@@ -125,11 +118,30 @@ def scene(
         "ground": float(outline[:, 2].min()),
         "from": [*best_view(drawing, list(arm[:: 1 + len(arm) // 5]), outline)],
         "arrows": arrows,
-        "triad": TRIAD * radius,
-        "compliance": None
-        if compliance is None
-        else ELLIPSOID * radius * compliance / max(compliance),
         "live": live,
+    } | _sizes_at_tool(radius, compliance)
+
+
+def _moving(
+    frames: Sequence[Frame], arm: Array, ghosts: Sequence[Array], wrenches: Array
+) -> dict[str, Array | None]:
+    """What changes from frame to frame; the first axis is the frame's number."""
+    at_tool = [frame.at_tool for frame in frames if frame.at_tool is not None]
+    return {
+        "arm": arm,
+        "ghost": np.array(ghosts) if ghosts else None,
+        "wrenches": wrenches,
+        "surfaces": np.array([frame.travel for frame in frames]),
+        "tool": np.array(at_tool) if at_tool else None,
+    }
+
+
+def _sizes_at_tool(radius: float, compliance: Array | None) -> dict[str, Any]:
+    """Length of a frame's axes, and half axes of the compliance, in a scene of a radius [m]."""
+    shares = None if compliance is None else compliance / compliance.max()
+    return {
+        "triad": TRIAD * radius,
+        "compliance": None if shares is None else ELLIPSOID * radius * shares,
     }
 
 
