@@ -181,7 +181,7 @@ def test_arrays_in_any_order_and_kind_give_the_same_tick() -> None:
     assert state.ticks == 1
 
 
-def test_null_space_that_jumps_begins_anew() -> None:
+def test_null_space_that_jumps_is_left_to_numpy() -> None:
     """A state of another configuration: the compiled tick leaves it to NumPy's."""
     arm = panda()
     slow, fast = (rbi.CartesianController(arm, dt=DT, backend=b) for b in ("numpy", "pinocchio"))

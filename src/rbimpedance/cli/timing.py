@@ -130,7 +130,7 @@ def realtime(made: ImpedanceController, given: Sequence[Inputs]) -> Ticks:
 
 
 def step_at_tool(arm: ArmModel, backend: Backend, given: Sequence[Inputs]) -> Ticks:
-    """`CartesianController.step` along the same motion and with the same errors; the first of tau_ext are the wrench.
+    """`CartesianController.step` along the same motion, with the same errors and a wrench.
 
     Raises:
         UnsupportedJointError: The arm has joints that mimic others.

@@ -151,7 +151,7 @@ def logarithm(R: Matrix) -> Vector:
 
 
 def _quaternion(R: Matrix) -> tuple[float, float, float, float]:
-    """A multiple of (w, x, y, z), with the largest part from the diagonal (S. W. Shepperd, 1978)."""
+    """A multiple of (w, x, y, z), with its largest part from the diagonal."""
     xx, yy, zz = R[0], R[4], R[8]
     trace = xx + yy + zz
     if trace >= max(xx, yy, zz):

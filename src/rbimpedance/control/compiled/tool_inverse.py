@@ -217,7 +217,7 @@ def continue_basis(work: ToolScratch, is_whole: bool) -> bool:
         is_whole: What it returned.
 
     Returns:
-        Whether the two spaces are near enough; if not, the basis has to begin anew.
+        Whether the two spaces are near enough; if not, it has to come from a decomposition of J.
     """
     V, S = work.basis, work.overlap
     n = V.shape[1]
