@@ -82,7 +82,8 @@ def assert_is_simulate(given: list[Any], stop: int | None = None, **settings: An
             samples = getattr(alone, name)[::3].astype(float)
             size = max(1.0, float(np.abs(samples).max()))
             assert_allclose(batch[name][i], samples, rtol=0.0, atol=1e-12 * size, err_msg=name)
-        assert_allclose([batch.q[i], batch.v[i]], [alone.q[-1], alone.v[-1]], rtol=0, atol=1e-12)
+        assert_allclose(batch.q[i], alone.q[-1], rtol=0.0, atol=1e-12)
+        assert_allclose(batch.v[i], alone.v[-1], rtol=0.0, atol=1e-12)
         figures = alone.metrics(after=0.02)
         for name, figure in batch.metrics.items():
             assert_allclose(figure[i], figures[name], rtol=1e-10, atol=1e-12, err_msg=name)
