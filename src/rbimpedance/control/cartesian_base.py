@@ -48,18 +48,18 @@ class ToolMeasured(NamedTuple):
     def plain(self) -> tuple[Any, ...]:
         """Return the measurements with every array contiguous and aligned: q, v, reference, wrench, tau_ext."""
         (R, p), v_d, a_d = self.desired
-        R, p, v_d, a_d, q, v, wrench = (
-            np.require(x, requirements=("C", "A"))
-            for x in (R, p, v_d, a_d, self.q, self.v, self.wrench)
-        )
-        tau_ext = (
-            None if self.tau_ext is None else np.require(self.tau_ext, requirements=("C", "A"))
-        )
-        return q, v, CartesianReference(Pose(R, p), v_d, a_d), wrench, tau_ext
+        R, p, v_d, a_d = map(_plain, (R, p, v_d, a_d))
+        tau_ext = None if self.tau_ext is None else _plain(self.tau_ext)
+        desired = CartesianReference(Pose(R, p), v_d, a_d)
+        return _plain(self.q), _plain(self.v), desired, _plain(self.wrench), tau_ext
 
     def external_torque(self, J: Array) -> Array:
         """Return the torque of the environment on the joints, shape (nv,)."""
         return J.T @ self.wrench if self.tau_ext is None else self.tau_ext
+
+
+def _plain(array: Array) -> Array:
+    return np.require(array, requirements=["C", "A"])
 
 
 class ToolErrors(NamedTuple):
