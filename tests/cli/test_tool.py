@@ -94,7 +94,7 @@ def test_tables_are_of_the_tool_and_then_of_the_torques(
     ("arguments", "word"),
     [
         (("ur5", "--frame", "tool_0"), "'ur5' has no frame 'tool_0'; did you mean 'tool0'?"),
-        (("ur5", "--frame", "xyz"), "there are: "),
+        (("ur5", "--frame", "xyz"), "there are: 'tool0', "),
         (("ur5", "--frame", "tool0", "--tool-frame", "tool0"), "--tool-frame must be left out"),
         (("ur5", "--line", "0,0,1"), "--line must be given with --frame NAME"),
         (("ur5", "--axes", "reference"), "--axes must be given with --frame NAME"),

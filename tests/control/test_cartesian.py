@@ -400,6 +400,9 @@ def test_damping_length_is_that_of_the_translations() -> None:
     "wrap", [rbi.SoftStart, rbi.ReferenceGuard, rbi.EnergyTank, lambda c: rbi.FaultGuard(c, "stop")]
 )
 def test_guards_of_joints_refuse_a_controller_at_the_tool(wrap: Callable[[Any], Any]) -> None:
+    """When they are made, with what a controller at the tool has instead; not at the first tick of an arm."""
     target = rbi.CartesianImpedance(mass=MASS, stiffness=STIFFNESS, damping_ratio=1.0)
-    with pytest.raises(rbi.ParameterError, match="controller"):
-        wrap(rbi.CartesianController(ur5(), target))
+    with pytest.raises(rbi.ParameterError, match="joint_limits=, got 'CartesianController'"):
+        wrap(rbi.CartesianController(ur5(), target, backend="numpy"))
+    with pytest.raises(rbi.ParameterError, match="joint_limits=, got 'CartesianController'"):
+        wrap(rbi.QuantizedEncoders(rbi.CartesianController(ur5(), target, backend="numpy")))

@@ -116,10 +116,3 @@ def in_joints(controller: AnyController) -> Any:
     if isinstance(controller, CartesianControllerBase):
         return ToolView(controller, measures_wrench=False)
     return controller
-
-
-def tool_inside(controller: Any) -> CartesianControllerBase[Any] | None:
-    """Return the controller at the tool that a controller is or wraps; None where there is none."""
-    while controller is not None and not isinstance(controller, CartesianControllerBase):
-        controller = getattr(controller, "controller", None)
-    return controller

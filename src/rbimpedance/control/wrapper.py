@@ -20,6 +20,13 @@ WrapperStateT = TypeVar("WrapperStateT", bound=Any)
 _Wrapped = TypeVar("_Wrapped")
 
 
+def tool_inside(controller: Any) -> CartesianControllerBase[Any] | None:
+    """Return the controller at the tool that a controller is or wraps; None where there is none."""
+    while controller is not None and not isinstance(controller, CartesianControllerBase):
+        controller = getattr(controller, "controller", None)
+    return controller
+
+
 def of_joints(controller: _Wrapped) -> _Wrapped:
     """Return the controller that a wrapper is given.
 
@@ -27,11 +34,16 @@ def of_joints(controller: _Wrapped) -> _Wrapped:
         controller: The controller.
 
     Raises:
-        ParameterError: It works at the tool, and takes a pose and a wrench where wrappers have joints.
+        ParameterError: It works at the tool, or wraps one that does.
     """
-    if isinstance(controller, CartesianControllerBase):
-        kind = type(controller).__name__
-        raise ParameterError("controller", kind, "one of the joints, not of the tool")
+    tool = tool_inside(controller)
+    if tool is not None:
+        kind = type(tool).__name__
+        words = (
+            "one of the joints: this wrapper compares and blends motions of joints; a controller at the tool keeps "
+            "its own limits= and joint_limits="
+        )
+        raise ParameterError("controller", kind, words)
     return controller
 
 

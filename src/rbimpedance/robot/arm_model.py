@@ -525,7 +525,8 @@ class ArmModel:
         frame_id = self.raw_dynamics.frame_ids.get(frame)
         if frame_id is None:
             raise ModelError(
-                f"'{self.name}' has no frame '{frame}'{suggest(frame, self.frame_names)}"
+                f"'{self.name}' has no frame '{frame}'"
+                f"{suggest(frame, _likely_first(self.raw_dynamics.model))}"
             )
         return frame_id
 
@@ -579,3 +580,9 @@ def _rotational_inertia(inertia: ArrayLike) -> Array:
     if np.linalg.eigvalsh(matrix)[0] < -1e-12:
         raise ParameterError("inertia", inertia, "positive semi-definite")
     return matrix
+
+
+def _likely_first(model: pin.Model) -> list[str]:
+    """Names of the frames, those at the tip first and joints last."""
+    from_tip = reversed(list(model.frames))
+    return [f.name for f in sorted(from_tip, key=lambda f: f.type == pin.FrameType.JOINT)]

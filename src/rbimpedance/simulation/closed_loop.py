@@ -15,7 +15,8 @@ from ..control.protocol import Controller
 from ..control.provenance import provenance
 from ..control.snapshot import fingerprint
 from ..control.telemetry import CHANNELS
-from ..control.tool_view import ToolTick, tool_inside
+from ..control.tool_view import ToolTick
+from ..control.wrapper import tool_inside
 from ..exceptions import DivergenceError, ParameterError
 from ..interaction import Interaction, Sensor, Sum
 from ..robot.arm_model import ArmModel

@@ -16,7 +16,7 @@ from ..control.controller import ImpedanceController
 from ..control.encoders import QuantizedEncoders
 from ..control.errors import check_reference
 from ..control.protocol import Backend, Controller
-from ..control.tool_view import tool_inside
+from ..control.wrapper import tool_inside
 from ..exceptions import ParameterError
 from ..interaction import EnvironmentLike, Perfect, Sensor, as_interaction
 from ..robot.arm_model import ArmModel

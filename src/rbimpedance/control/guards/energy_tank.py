@@ -22,7 +22,7 @@ from ...interaction import Sensor
 from ...law.impedance import Impedance, ImpedanceMatrices, TargetFilter
 from ..controller import ControllerOutput, ImpedanceController
 from ..protocol import Measured
-from ..wrapper import ControllerWrapper
+from ..wrapper import ControllerWrapper, of_joints
 
 
 class TankState(NamedTuple):
@@ -110,7 +110,7 @@ class EnergyTank(ControllerWrapper[TankState, ControllerOutput]):
         start: float | None = None,
         refill: float = 0.9,
     ) -> None:
-        if not isinstance(controller.impedance, Impedance):
+        if not isinstance(of_joints(controller).impedance, Impedance):
             raise ParameterError("controller.impedance", controller.impedance, "an Impedance")
         capacity = positive_number("capacity", capacity, "energy in J")
         start = capacity / 2.0 if start is None else number("start", start, *_up_to(capacity))
