@@ -14,7 +14,7 @@ from rbimpedance.control.estimation import (
 )
 from rbimpedance.control.estimation.differentiator import implicit_correction
 from rbimpedance.control.estimation.extended_state import correction
-from rbimpedance.control.estimation.friction_learning import Expectation
+from rbimpedance.control.estimation.friction_learning import Expectation, released
 
 from ..arms import pendulum, spinner
 
@@ -154,6 +154,20 @@ def test_least_squares_are_those_of_the_whole_system() -> None:
     found = theta[:-2].reshape(nv, 3).T
     assert state.parameters[:2] == pytest.approx(np.maximum(found[:2], 0.0), rel=1e-8)
     assert state.parameters[2] == pytest.approx(found[2], rel=1e-8)
+
+
+def test_reversal_releases_what_a_joint_that_sticks_has_wound_up_and_no_more() -> None:
+    """A reference through zero at 0.2 rad/s²: all of a disturbance within dry friction goes, of a load the excess stays."""
+    small, large, dry = np.array([1.5]), np.array([20.0]), np.array([2.0])
+    still = np.array([0.7])
+    for k in range(-400, 400):
+        v, before = 0.2 * np.array([k * H]), 0.2 * np.array([(k - 1) * H])
+        small = small - released(small, dry, v, before, 0.2)
+        large = large - released(large, dry, v, before, 0.2)
+        still = still - released(still, dry, np.zeros(1), np.zeros(1), 0.2)
+    assert abs(small[0]) < 0.05
+    assert large[0] > 20.0 - 2.4 * 4.2
+    assert still[0] == 0.7
 
 
 def test_gate_opens_at_an_error_that_no_count_shows() -> None:

@@ -21,7 +21,7 @@ from .baseline_law import Baseline, BaselineTorque, baseline_output
 from .default_gains import default_impedance
 from .errors import Tracking, track
 from .estimation import Estimate, ExtendedStateObserver, FrictionLearner, NoiseGate
-from .estimation.friction_learning import Expectation, FrictionState, nothing_known
+from .estimation.friction_learning import Expectation, FrictionState, nothing_known, released
 from .hardware_forms import PlainForm, hardware_form
 from .hardware_state import HardwareState
 from .protocol import Measured, checked_period
@@ -208,6 +208,7 @@ class HardwareController(MadeAnew, Baseline[HardwareState]):
         estimate = self.observer.correct(state.observer, innovation, OBSERVER_RATIO * bandwidth)
         v_f, loads = tick.v_r + self.lead * tick.a_r, self._loads(tick, estimate)
         friction = self.learner.torque(state.friction, v_f, loads)
+        state, estimate = self._released(state, estimate, v_f, v_f - self.dt * tick.a_r)
         output = self._output(state, tick, estimate, bandwidth, friction)
         learned, moved = state.friction, np.zeros(self.arm.nv)
         if state.ticks > self.learning_starts:
@@ -284,6 +285,17 @@ class HardwareController(MadeAnew, Baseline[HardwareState]):
         q, v = self.observer.ahead(estimate, tick.tau_ext - friction)
         then = self.observer.reference_ahead(Reference(tick.q_r, tick.v_r, tick.a_r))
         return self.arm.raw_dynamics.difference(q, then.q), then.v - v
+
+    def _released(
+        self, state: HardwareState, estimate: Estimate, v_f: Array, before: Array
+    ) -> tuple[HardwareState, Estimate]:
+        """Both without what a reversal of the reference takes out of the disturbance."""
+        if not self.learns_friction:
+            return state, estimate
+        seen, known, rise = estimate.state, state.friction, self.hardware.stribeck
+        change = released(seen.disturbance, known.parameters[0], v_f, before, rise)
+        seen = seen._replace(disturbance=seen.disturbance - change)
+        return state.but(friction=known.shifted(-change)), estimate._replace(state=seen)
 
     def _loads(self, tick: Tracking, estimate: Estimate) -> Array:
         """Torque of the model along the reference, and of one more kilogram, shape (2, nv)."""

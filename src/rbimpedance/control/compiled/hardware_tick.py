@@ -72,6 +72,7 @@ moved = helper(extended_state.moved)
 filtered_innovation = helper(noise_gate.filtered_innovation)
 opened = helper(noise_gate.opened)
 dry_share = helper(friction_learning.dry_share)
+released = helper(friction_learning.released)
 mismatch_torque = helper(friction_learning.mismatch_torque)
 delay_terms = helper(friction_learning.delay_terms)
 at = helper(friction_learning.at)
@@ -197,6 +198,10 @@ def _feed_forward(
         own[_LOAD, j] += friction(arm.joints, j, rows[V, j]) - own[_SCALED, j]
     for j in range(n):
         own[_FRICTION, j] = _friction(tables, own, rows, j, out)
+        v = out.rows[OUT_V_R, j] + tables.joints[LEAD, j] * a_r[j]
+        before, rise = v - tables.numbers[DT] * a_r[j], tables.numbers[STRIBECK]
+        change = released(rows[DISTURBANCE, j], rows[PARAMETERS, j], v, before, rise)
+        _shift(rows, j, -change * (tables.numbers[STARTS] < np.inf))
 
 
 @routine
@@ -276,9 +281,7 @@ def _learn(tables: HardwareTables, space: TickSpace, memory: TickMemory, out: Ti
         after = _friction(tables, own, rows, j, out)
         moved = after - own[_FRICTION, j]
         own[_FRICTION, j] = after
-        rows[DISTURBANCE, j] += moved
-        rows[REGRESSORS + TERMS, j] += moved
-        rows[x + TERMS, j] += moved
+        _shift(rows, j, moved)
 
 
 @routine
@@ -318,6 +321,14 @@ def _move(
     for j in range(len(v)):
         step, v[j] = moved(v[j], a[j], h)
         add_step(tables.arm, j, q, step, q)
+
+
+@inline
+def _shift(rows: Array, j: int, change: float) -> None:
+    """Change the disturbance; what is learned from it does not see that."""
+    rows[DISTURBANCE, j] += change
+    rows[REGRESSORS + TERMS, j] += change
+    rows[REGRESSORS + 2 * TERMS + 1, j] += change
 
 
 @inline

@@ -15,8 +15,11 @@ from ..._common.frozen import set_fields
 SMOOTHING = 0.02
 """Estimated speed at which dry friction has reached 76 % [rad/s or m/s]."""
 
-REFERENCE_SMOOTHING = 0.01
+REFERENCE_SMOOTHING = 0.007
 """The same of the reference, which has no noise [rad/s or m/s]."""
+
+RELEASE = 2.0
+"""Share of the disturbance that a reversal of the reference takes out, for each unit of its tanh(v/0.007)."""
 
 RISE_SPEED = 0.05
 """Speed at which the rise of dry friction towards standstill has fallen to 37 % [rad/s or m/s]."""
@@ -46,6 +49,25 @@ def dry_share(v: Array, width: float, rise: float) -> Array:
     """
     share: Array = np.tanh(v / width) * (1.0 + rise * np.exp(-((v / RISE_SPEED) ** 2)))
     return share
+
+
+def released(disturbance: Array, dry: Array, v: Array, before: Array, rise: float) -> Array:
+    """Return what a reversal of the reference takes out of the disturbance.
+
+    A joint that sticks winds the disturbance up, by at most its dry friction; when the feed-forward of that friction
+    turns, the one would be in the way of the other.
+
+    Args:
+        disturbance: Torque that the observer holds against.
+        dry: Dry friction in motion.
+        v: Speed of the reference.
+        before: The same at the tick before.
+        rise: How much larger dry friction is at rest, relative.
+    """
+    turn = np.abs(np.tanh(v / REFERENCE_SMOOTHING) - np.tanh(before / REFERENCE_SMOOTHING))
+    most = dry * (1.0 + rise)
+    held: Array = np.minimum(np.maximum(disturbance, -most), most)
+    return np.minimum(RELEASE * turn, 1.0) * held
 
 
 def mismatch_torque(theta: Any, dry: Array, v: Array, scaled: Array, load: Array) -> Array:
