@@ -157,7 +157,7 @@ def test_least_squares_are_those_of_the_whole_system() -> None:
 
 
 def test_reversal_releases_what_a_joint_that_sticks_has_wound_up_and_no_more() -> None:
-    """A reference through zero at 0.2 rad/s²: all of a disturbance within dry friction goes, of a load the excess stays."""
+    """A reference through zero at 0.2 rad/s²: what dry friction may have caused goes, the excess of a load stays."""
     small, large, dry = np.array([1.5]), np.array([20.0]), np.array([2.0])
     still = np.array([0.7])
     for k in range(-400, 400):
