@@ -53,7 +53,7 @@ _LEAST_FRICTION = 0.5  # N·m that a joint is prepared for where none is stated
 _K2_OVER_MISMATCH = 60.0  # reversals stay in the linear zone of the reaching term
 _LATE = 0.4  # share of the run after which errors and variation are taken
 _ROUNDS = 5
-_SOFTER = 0.8  # of the bandwidths in a round
+_SOFTER, _GATE_SOFTER = 0.8, 0.9  # of the bandwidths in a round, and of the error that raises them
 
 
 class HardwareRun(NamedTuple):
@@ -274,7 +274,7 @@ def _softened(found: HardwareProposal, softer: int) -> HardwareProposal:
     b = found.bandwidths
     quiet = _SOFTER * b.quiet
     slower = replace(b, quiet=quiet, alert=np.maximum(_SOFTER * b.alert, quiet))
-    return replace(found, bandwidths=slower, accuracy=found.accuracy / _SOFTER, softer=softer)
+    return replace(found, bandwidths=slower, accuracy=found.accuracy / _GATE_SOFTER, softer=softer)
 
 
 def _expected(task: DesignTask) -> Expectation:
