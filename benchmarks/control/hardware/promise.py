@@ -25,7 +25,7 @@ from benchmarks import pages
 from benchmarks.arms import ARMS
 from benchmarks.progress import bar
 
-from .compare import Case, ours, run
+from .cases import Case, ours, run
 from .linear_laws import TARGET
 
 LENGTH = 5.0  # s

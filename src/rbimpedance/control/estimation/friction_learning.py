@@ -67,7 +67,8 @@ def released(disturbance: Array, dry: Array, v: Array, before: Array, rise: floa
     turn = np.abs(np.tanh(v / REFERENCE_SMOOTHING) - np.tanh(before / REFERENCE_SMOOTHING))
     most = dry * (1.0 + rise)
     held: Array = np.minimum(np.maximum(disturbance, -most), most)
-    return np.minimum(RELEASE * turn, 1.0) * held
+    release: Array = np.minimum(RELEASE * turn, 1.0) * held
+    return release
 
 
 def mismatch_torque(theta: Any, dry: Array, v: Array, scaled: Array, load: Array) -> Array:
