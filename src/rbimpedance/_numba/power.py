@@ -1,6 +1,6 @@
 """x^p for eight lanes at once: the C library takes them one by one, at four times the cost.
 
-Logarithm and exponential are those of fdlibm (its e_log.c and e_exp.c), the former with what is left of it, so that the
+Logarithm and exponential are those of fdlibm (its e_log.c and e_exp.c), the former with its rounding error, so that the
 result is right to a unit of 2⁻⁵³. Where it or x is not a normal number, the C library takes over.
 """
 
@@ -39,14 +39,14 @@ def _power(x: Any, p: Any) -> Any:
 
 @inline
 def _product(a: float, b: float) -> tuple[float, float]:
-    """A·b, and what is left of it: not fused with what follows, which would count that twice."""
+    """A·b, and its rounding error: not fused with what follows, which would count that twice."""
     high = a * b
     return high, fma(a, b, -high)
 
 
 @fused
 def _log(x: float) -> tuple[float, float]:
-    """The natural logarithm of a normal number, and what is left of it."""
+    """The natural logarithm of a normal number, and its rounding error."""
     m, e = _split(x)
     f = m - 1.0
     s = f / (2.0 + f)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -175,25 +175,13 @@ def _run(
     law = controller_for(design, task.dt, impedance, task.limits, task.backend)
     controller = sample.wrap(law, noisy=noisy)
     ticks = max(round(task.duration / task.dt), 10)
-    diverged = None
+    run: dict[str, Any] = {"q0": q0, "duration": ticks * task.dt, "on_tick": task.on_tick}
     try:
-        result = simulate(
-            controller,
-            sample.plant,
-            task.trajectory,
-            q0=q0,
-            duration=ticks * task.dt,
-            on_tick=task.on_tick,
-        )
+        result = simulate(controller, sample.plant, task.trajectory, **run)
     except DivergenceError as failure:
-        result, diverged = failure.result, failure
+        return _diverged(task.arm, sample, noisy, failure)
     after = (LATE if task.limits is None else LATE_AT_LIMITS) * ticks * task.dt
     late = result.t >= after
-    if diverged is not None:
-        x = np.full(task.arm.nv, np.inf)
-        joint = task.arm.joint_names.index(diverged.joint)
-        reason = f"joint '{diverged.joint}' diverges after {diverged.time:.3g} s"
-        return ExtremeCase(sample, noisy, result, x, x, x, x, x, joint, reason, True)
     errors = np.abs(true_error(sample.plant, result))
     error = errors[late].max(axis=0)
     variation = result.metrics(after=after)["tau_variation"]
@@ -207,6 +195,14 @@ def _run(
     return ExtremeCase(
         sample, noisy, result, error, *peaks, variation, needed, joint_failed, reason, unstable
     )
+
+
+def _diverged(
+    arm: ArmModel, sample: PlantSample, noisy: bool, failure: DivergenceError
+) -> ExtremeCase:
+    x, joint = np.full(arm.nv, np.inf), arm.joint_names.index(failure.joint)
+    reason = f"joint '{failure.joint}' diverges after {failure.time:.3g} s"
+    return ExtremeCase(sample, noisy, failure.result, x, x, x, x, x, joint, reason, True)
 
 
 def _deviation(arm: ArmModel, result: SimulationResult) -> tuple[int | None, str]:

@@ -54,7 +54,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
     v⁺ = v + h·a, a by ABA from tau and r. From then on the output says `brakes_requested` and the torque decays,
     tau⁺ = tau·e^(-h/`longest_blind`), or as fast as the rate limit allows. Without brakes a heavy arm then sinks.
     Where positions alone are lost the arm comes to rest as far as its velocity is measured, and drifts with an offset
-    of that: after twice `longest_blind` the output says `brakes_requested`, while the torque goes on to hold the arm.
+    of that: after twice `longest_blind` the output says `brakes_requested`, while the torque continues to hold the arm.
 
     What is guaranteed: an arm that is seen comes to rest, as long as the limits admit the torque and the environment
     pushes with less. A blind arm comes to rest within `longest_blind` as far as model and r are right; whether they are
@@ -380,8 +380,8 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         output = output._replace(saturated=at_limit, rate_limited=is_changing & ~at_limit)
         following = now._replace(tau=tau, response=response, since=since, period=None)
         is_unseen = _is_idle(now.fault) and now.effect.constant >= self.frozen_ticks * self.dt
-        is_adrift = bool((now.monitor.joints[SINCE_Q] > 2.0 * self.longest_blind).any())
-        brakes = is_lost or is_unseen or is_adrift
+        is_adrift = (now.monitor.joints[SINCE_Q] > 2.0 * self.longest_blind).any()
+        brakes = bool(is_lost or is_unseen or is_adrift)
         return GuardedOutput.of(output, response, now.fault, brakes), following
 
     def _response(self, state: FaultGuardState, now: FaultGuardState, since: float) -> Response:
@@ -398,8 +398,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
     ) -> tuple[GuardedOutput, FaultGuardState]:
         """The output; `on_event` is called at changes."""
         before, now = (state.fault or _NONE).kind, (output.fault or _NONE).kind
-        has_changed = (state.response, before) != (output.response, now)
-        if has_changed and self._on_event is not None:
+        if (state.response, before) != (output.response, now) and self._on_event is not None:
             self._on_event(FaultEvent(state.monitor.ticks, output.response, output.fault))
         return output, following
 
