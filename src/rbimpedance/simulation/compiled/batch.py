@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from .environment import Drive
 from .lane_groups import LEAST, LaneGroup, LaneMember, lane_desk, lane_kind
 from .lane_loop import ALONE
 from .log import MetricSums, empty_figures, figures_of_merit, journal
-from .loop import JOINT, TICK
+from .loop import JOINT, TICK, LoopWorkspace, ReferenceSamples
 from .world import Block, World, desk
 
 _PORTIONS = 8  # in which each thread gets its worlds, so that none waits long for the others
@@ -54,6 +55,7 @@ class CompiledWorlds:
         kinds = {i: lane_kind(world, loops[i].controller) for i, world in worlds.items()}
         self.kinds = {i: kind for i, kind in kinds.items() if kind is not None}
         self.groups: dict[tuple[int, ...], LaneGroup] = {}
+        self.spaces: list[tuple[LoopWorkspace, LoopWorkspace]] = []
 
     def run(self, threads: int) -> list[int]:
         """Run them; return those that are left to the readable form."""
@@ -64,7 +66,8 @@ class CompiledWorlds:
                 samples = self._shared_samples(block, going)
                 units = self._units(going)
                 portions = [units[k :: threads * _PORTIONS] for k in range(threads * _PORTIONS)]
-                tasks = [pool.submit(self._run_portion, block, x, samples) for x in portions if x]
+                work = partial(self._run_portion, block, samples, {})
+                tasks = [pool.submit(work, portion) for portion in portions if portion]
                 for task in tasks:
                     task.result()
         for i, world in self.worlds.items():
@@ -111,23 +114,31 @@ class CompiledWorlds:
         return world.surroundings.sampled(world.times(block))
 
     def _run_portion(
-        self, block: range, units: Sequence[tuple[int, ...]], samples: Mapping[int, Any]
+        self,
+        block: range,
+        samples: Mapping[int, Any],
+        in_lanes: dict[int, ReferenceSamples],
+        units: Sequence[tuple[int, ...]],
     ) -> None:
-        """Run some worlds, in one thread."""
-        plant = self.loops[units[0][0]].plant
-        alone, lanes = desk(plant.nq, plant.nv), lane_desk(plant.nq, plant.nv)
+        """Run some worlds, in one thread; `in_lanes` are the references that its groups share with others."""
+        try:  # in the end there is one for each thread
+            alone, lanes = self.spaces.pop()
+        except IndexError:
+            plant = self.loops[units[0][0]].plant
+            alone, lanes = desk(plant.nq, plant.nv), lane_desk(plant.nq, plant.nv)
         for unit in units:
             members = [self._member(i, block, samples) for i in unit]
             if len(unit) == 1:
                 self._run_alone(unit[0], block, block.start, members[0], alone)
                 continue
-            ended = self._group(unit).run(block, members, lanes, self.log.every)
+            ended = self._group(unit).run(block, members, lanes, in_lanes, self.log.every)
             for lane, i in enumerate(unit):
                 tick, joint = int(ended[TICK, lane]), int(ended[JOINT, lane])
                 if tick >= 0 and joint == ALONE:
                     self._run_alone(i, block, tick, members[lane], alone)
                 elif tick >= 0:
                     self._end(i, tick, joint)
+        self.spaces.append((alone, lanes))
 
     def _member(self, i: int, block: range, samples: Mapping[int, Any]) -> LaneMember:
         """A world, and what it needs in a block."""

@@ -121,13 +121,21 @@ class LaneGroup:
         self._controlled = controlled._replace(law=controlled.law._replace(choices=choices))
         self._plant = stacked(_eight([world.plant for world in worlds]))
 
-    def run(self, block: range, members: Sequence[LaneMember], space: Any, every: int) -> Array:
+    def run(
+        self,
+        block: range,
+        members: Sequence[LaneMember],
+        space: Any,
+        shared: dict[int, ReferenceSamples],
+        every: int,
+    ) -> Array:
         """Do a block of ticks, without the interpreter's lock.
 
         Args:
             block: The ticks.
             members: The worlds, in their order.
             space: Work space from `lane_desk`.
+            shared: References in lanes that groups share in this block, by identity; added to.
             every: Ticks from one sample to the next.
 
         Returns:
@@ -145,7 +153,7 @@ class LaneGroup:
         ended[TICK, len(members) :] = block.start
         arguments = (
             self._controlled, self._plant, stacked(environments),
-            stacked([ReferenceSamples(*x.reference) for x in eight]),
+            _references(eight, shared),
             memory, space, clock, log, figures, ended,
         )  # fmt: skip
         known = ended[TICK] >= 0.0
@@ -172,6 +180,24 @@ def lane_desk(nq: int, nv: int) -> Any:
     placed = own.plant._replace(**{x: np.zeros(nv) for x in ("position", "cos", "sin")})
     lanes = stacked([own._replace(plant=placed)] * WIDTH)
     return lanes._replace(control=lanes.plant)
+
+
+def _references(
+    eight: Sequence[LaneMember], shared: dict[int, ReferenceSamples]
+) -> ReferenceSamples:
+    """Desired motions in lanes; one that all eight share is put into lanes once for all groups."""
+    first = eight[0].reference
+    if any(x.reference is not first for x in eight):
+        return stacked([ReferenceSamples(*x.reference) for x in eight])  # type: ignore[no-any-return]
+    if id(first) not in shared:
+        shared[id(first)] = ReferenceSamples(*map(_repeated, first))
+    return shared[id(first)]
+
+
+def _repeated(rows: Array) -> Array:
+    lanes = lane_array(*rows.shape)
+    lanes[...] = rows[..., None]
+    return lanes
 
 
 def _eight(parts: Sequence[Any]) -> list[Any]:
