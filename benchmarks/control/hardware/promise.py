@@ -82,7 +82,8 @@ def outcome(seed: int, number: int) -> dict[str, Any]:
             "delay": hardware.delay,
             "stribeck": hardware.stribeck,
         },
-        **{"ripple": float(hardware.ripple), **shares},
+        "ripple": float(hardware.ripple),
+        "shares": shares,
     }
     proposal = ours(case, hardware, LENGTH)
     promised = {"promised": float(proposal.error.max()), "multiple": proposal.variation}
