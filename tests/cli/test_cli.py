@@ -180,7 +180,10 @@ def test_view_serves_the_page_until_it_is_interrupted() -> None:
         with urllib.request.urlopen(url, timeout=20.0) as answer:
             assert b"two_link" in answer.read()
         process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=20.0) == 0
+        try:
+            assert process.wait(timeout=20.0) == 0
+        finally:
+            process.kill()  # where this run itself ignores interrupts, so does the command
     with pytest.raises(urllib.error.URLError):
         urllib.request.urlopen(url, timeout=5.0)
 
