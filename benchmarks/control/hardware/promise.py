@@ -110,6 +110,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=pages.FIGURES)
     asked = parser.parse_args()
     logging.getLogger("rbimpedance").setLevel(logging.ERROR)
+    asked.out.mkdir(parents=True, exist_ok=True)
     path, rows = asked.out / "hardware_promise.json", []
     with bar() as progress:
         task = progress.add_task("cases", total=asked.cases)

@@ -179,7 +179,9 @@ def _tool_error(result: RunLog) -> tuple[float, float] | None:
 
 
 def _deviation(result: RunLog) -> Iterator[Finding]:
-    """An error that was large at some time, though it fell afterwards."""
+    """An error that was large at some time, though it fell afterwards; a law at the tool has no reference for joints."""
+    if result.tool is not None:
+        return
     often, seconds = AT_THE_START
     moving = _by_unit(result, DEVIATION) + SHARE_OF_DEVIATION * _range_of_reference(result)
     moving = np.minimum(moving, LARGEST) + _yields(result)
