@@ -179,7 +179,7 @@ def _tool_error(result: RunLog) -> tuple[float, float] | None:
 
 
 def _deviation(result: RunLog) -> Iterator[Finding]:
-    """An error that was large at some time, though it fell afterwards; a law at the tool has no reference for joints."""
+    """An error that was large at some time, though it fell afterwards; a law at the tool has none of joints."""
     if result.tool is not None:
         return
     often, seconds = AT_THE_START
