@@ -42,7 +42,8 @@ class ToolOptions:
         ),
     ] = None
     circle: Annotated[
-        float | None, _tool("Radius in m of a level circle, a turn in a --period.", "R")
+        float | None,
+        _tool("Radius in m of a level circle towards the base, a turn in a --period.", "R"),
     ] = None
     axes: Annotated[
         Literal["world", "reference"],
@@ -80,8 +81,10 @@ class ToolOptions:
         if self.line is not None and self.circle is not None:
             raise ParameterError("--line and --circle", "both", "one of them, or neither")
         if self.circle is not None:
+            radius = positive_number("--circle", self.circle, "radius in m")
+            x, y, _ = start.translation
             return cartesian.circle(
-                start, positive_number("--circle", self.circle, "radius in m"), period
+                start, radius, period, towards=(-x, -y, 0.0) if x or y else (1.0, 0.0, 0.0)
             )
         if self.line is None:
             return cartesian.hold(start)
