@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -201,9 +202,14 @@ def checked_copy(source: pin.Model) -> pin.Model:
     Raises:
         ModelError: Its tables do not belong together, or hold numbers that no robot has.
     """
+    checks = (
+        _table_faults,
+        _vector_faults,
+        _body_faults,
+    )  # before the copy: it reads beyond tables that are short
+    for fault in itertools.chain.from_iterable(check(source) for check in checks):
+        raise ModelError(f"the pinocchio.Model '{source.name}' is not sound: {fault}")
     model = pin.Model(source)
-    for fault in (*_table_faults(model), *_vector_faults(model), *_body_faults(model)):
-        raise ModelError(f"the pinocchio.Model '{model.name}' is not sound: {fault}")
     for j in range(1, model.njoints):
         if not model.existFrame(model.names[j]):
             model.addJointFrame(j)
