@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from ..robot.units import FORCE
+
 
 class Units(NamedTuple):
     """What the figures of one kind of joint are in, and which joints these are.
@@ -32,7 +34,7 @@ def kinds(units: Sequence[str]) -> Iterator[Units]:
     Args:
         units: "rad" or "m" of each joint.
     """
-    for position, force, inertia in (("rad", "N·m", "kg·m^2"), ("m", "N", "kg")):
+    for position, inertia in (("rad", "kg·m^2"), ("m", "kg")):
         joints = tuple(i for i, unit in enumerate(units) if unit == position)
         if joints:
-            yield Units(position, force, inertia, joints)
+            yield Units(position, FORCE[position], inertia, joints)

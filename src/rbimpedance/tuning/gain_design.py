@@ -25,7 +25,7 @@ from ..robot.arm_model import ArmModel
 from ..robot.units import FORCE
 from ..trajectories import Trajectory
 from .coupling import Coupling, coupling_of
-from .mismatch import Mismatch, balanced_model, input_gains, measure
+from .mismatch import Mismatch, balanced_model, measure_with_gains
 from .motions import MotionMargin, sample_motions
 from .plant_sample import PlantSample
 from .uncertainty import Uncertainty
@@ -162,9 +162,8 @@ def measure_task(task: DesignTask) -> Measured:
     model, payload = balanced_model(arm, uncertainty, motions, dt)
     samples = uncertainty.sample(arm, task.samples, seed=task.seed)
     samples += uncertainty.corners(arm, task.samples, seed=task.seed)
-    mismatch = measure(model, samples, motions, dt)
-    coupling = coupling_of(input_gains(model, samples, motions, dt))
-    return Measured(model, payload, samples, mismatch, coupling)
+    mismatch, gains = measure_with_gains(model, samples, motions, dt)
+    return Measured(model, payload, samples, mismatch, coupling_of(gains))
 
 
 def design(

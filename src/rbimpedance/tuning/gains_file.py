@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import json
 import os
 from collections.abc import Mapping
@@ -158,7 +157,8 @@ def proposal_data(proposal: GainProposal | CartesianGainProposal) -> dict[str, A
         "k1": proposal.k1,
         "k2": proposal.k2,
         "margin": np.broadcast_to(proposal.margin, proposal.k1.shape),
-        "surface": {"type": type(proposal.surface).__name__} | _parameters(proposal.surface),
+        "surface": {"type": type(proposal.surface).__name__}
+        | {name: x for name, x in vars(proposal.surface).items() if not name.startswith("_")},
         "model": {
             "payload": proposal.payload,
             "payload_com": uncertainty.payload_com.mean(axis=0),
@@ -172,12 +172,6 @@ def proposal_data(proposal: GainProposal | CartesianGainProposal) -> dict[str, A
     }
     plain: dict[str, Any] = _plain(data | own)
     return plain
-
-
-def _parameters(surface: Surface) -> dict[str, Any]:
-    """What makes a surface of a kind that a file can name."""
-    made_from = inspect.signature(type(surface)).parameters
-    return {name: getattr(surface, name) for name in made_from}
 
 
 def _of_joints(proposal: GainProposal) -> dict[str, Any]:

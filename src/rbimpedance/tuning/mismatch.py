@@ -64,14 +64,21 @@ class _Seen(NamedTuple):
     disturbance: Array
     rate: Array
     inertia: Array
+    gains: Array
     low: tuple[float, int]
     high: tuple[float, int]
-    own: float
 
 
 def measure(
     model: ArmModel, samples: Sequence[PlantSample], motions: Sequence[Motion], dt: float
 ) -> Mismatch:
+    """Measure the largest mismatch between a model and plants; see `measure_with_gains`."""
+    return measure_with_gains(model, samples, motions, dt)[0]
+
+
+def measure_with_gains(
+    model: ArmModel, samples: Sequence[PlantSample], motions: Sequence[Motion], dt: float
+) -> tuple[Mismatch, Array]:
     """Measure the largest mismatch between a model and plants.
 
     Args:
@@ -79,17 +86,21 @@ def measure(
         samples: Plants.
         motions: From `sample_motions`.
         dt: Control period [s].
+
+    Returns:
+        The mismatch, and G of every sample at every motion, shape (N, nv, nv).
     """
     seen = [_look(model, sample, motions, dt) for sample in samples]
     inertia = np.min([one.inertia for one in seen], axis=0)
     lows, highs = [one.low[0] for one in seen], [one.high[0] for one in seen]
     accelerations = [float((one.torque / inertia).max()) for one in seen]
     rates = [float(one.rate.max()) for one in seen]
+    own = [float(one.gains.diagonal(axis1=1, axis2=2).min()) for one in seen]
     extremes = (
-        *(np.argmax(highs), np.argmin(lows), np.argmin([one.own for one in seen])),
+        *(np.argmax(highs), np.argmin(lows), np.argmin(own)),
         *(np.argmax(accelerations), np.argmax(rates)),
     )
-    return Mismatch(
+    mismatch = Mismatch(
         torque=np.max([one.torque for one in seen], axis=0),
         disturbance=np.max([one.disturbance for one in seen], axis=0),
         disturbance_rate=np.max([one.rate for one in seen], axis=0),
@@ -100,6 +111,7 @@ def measure(
         joint_high=seen[int(extremes[0])].high[1],
         extremes=tuple(dict.fromkeys(int(i) for i in extremes)),
     )
+    return mismatch, np.concatenate([one.gains for one in seen])
 
 
 def balanced_model(
@@ -147,15 +159,7 @@ def _look(model: ArmModel, sample: PlantSample, motions: Sequence[Motion], dt: f
     M_true, gains = _input_gains(model, sample, motions, dt)
     softest_held = np.linalg.inv(M_true[: len(motions)]).diagonal(axis1=1, axis2=2)
     inertia = (1.0 / softest_held).min(axis=0)
-    own = float(gains.diagonal(axis1=1, axis2=2).min())
-    return _Seen(torque, disturbance, rate, inertia, *_extreme_gains(M_true, gains), own)
-
-
-def input_gains(
-    model: ArmModel, samples: Sequence[PlantSample], motions: Sequence[Motion], dt: float
-) -> Array:
-    """Return G of every sample at every motion, shape (N, nv, nv); see `measure`."""
-    return np.concatenate([_input_gains(model, sample, motions, dt)[1] for sample in samples])
+    return _Seen(torque, disturbance, rate, inertia, gains, *_extreme_gains(M_true, gains))
 
 
 def _input_gains(

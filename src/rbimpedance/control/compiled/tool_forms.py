@@ -10,10 +10,9 @@ import numpy as np
 from numba import types
 
 from ..._common.arrays import Array
-from ..._numba.compile import inline, kernel
+from ..._numba.compile import kernel
 from ..._numba.layouts.arrays import Borrowed
 from ..._numba.layouts.objects import (
-    DONE,
     NOTHING,
     OBJECTS,
     BlockArgument,
@@ -23,13 +22,13 @@ from ..._numba.layouts.objects import (
 from ..._numba.layouts.tables import Held, hold, opened
 from ...law.poses import CartesianReference, Pose
 from ...robot.compiled import rigid_body
-from ...robot.compiled.dynamics import OWN_VECTOR, VECTOR_IN, CompiledDynamics
+from ...robot.compiled.dynamics import VECTOR_IN, CompiledDynamics
 from ...robot.compiled.frame_motion import check_frame_motion
 from ...robot.compiled.tables import CONTINUOUS, KIND, ArmTables, arm_tables
 from ...robot.mimic_dynamics import pinocchio_dynamics
 from ..cartesian_telemetry import CartesianState
 from ..cartesian_tick import CartesianLaw
-from .tool_block import FIXED, POSE, SIX, TAU, PackedToolOutput, PackedToolState
+from .tool_block import POSE, SIX, PackedToolOutput, PackedToolState
 from .tool_joints import EXCEEDED, allocate, put_torque
 from .tool_tables import WORDS, ToolScratch, tool_words
 from .tool_tick import ToolInputs, are_sound, command, finish
@@ -62,7 +61,6 @@ def _before(
 
 def _after(
     own: Any,
-    tau: Array,
     state: Array,
     torque: Array,
     q: Array,
@@ -81,19 +79,18 @@ def _after(
     if put_torque(words.arm, words.tables, work, state, given) == EXCEEDED:
         return _returned(NOTHING, work.block)
     finish(words.tables, work)
-    return _made(work.block, state, tau)
+    return _returned(OBJECTS, work.block)
 
 
-def _limit(own: Any, tau: Array, state: Array) -> Any:
+def _limit(own: Any) -> Any:
     words = opened(own)
     allocate(words.scratch)
     finish(words.tables, words.scratch)
-    return _made(words.scratch.block, state, tau)
+    return _returned(OBJECTS, words.scratch.block)
 
 
 def _whole(
     own: Any,
-    tau: Array,
     state: Array,
     q: Array,
     v: Array,
@@ -115,20 +112,7 @@ def _whole(
         rigid_body.mass_matrix(arm, space, work.mass)
         allocate(work)
     finish(tables, work)
-    return _made(work.block, state, tau)
-
-
-@inline
-def _made(block: Array, state: Array, tau: Array) -> Any:
-    """New objects; or torque and next state in memory of the caller's, where it gives a place for the torque."""
-    if len(tau) == 0:
-        return _returned(OBJECTS, block)
-    for j in range(len(tau)):
-        tau[j] = block[FIXED + j, TAU]
-    for k in range(len(block)):
-        for i in range(SIX):
-            state[k, i] = block[k, i]
-    return _returned(DONE, block)
+    return _returned(OBJECTS, work.block)
 
 
 @functools.cache
@@ -140,19 +124,19 @@ def before_kernel() -> Callable[..., Any]:
 @functools.cache
 def after_kernel() -> Callable[..., Any]:
     """Compile what comes after it, or load it."""
-    return kernel(_after, (_OWN, OWN_VECTOR, _STATE, VECTOR_IN, *_GIVEN), _RESULT)
+    return kernel(_after, (_OWN, _STATE, VECTOR_IN, *_GIVEN), _RESULT)
 
 
 @functools.cache
 def limit_kernel() -> Callable[..., Any]:
     """Compile what comes then, where a limit is exceeded, or load it."""
-    return kernel(_limit, (_OWN, OWN_VECTOR, _STATE), _RESULT)
+    return kernel(_limit, (_OWN,), _RESULT)
 
 
 @functools.cache
 def whole_kernel() -> Callable[..., Any]:
     """Compile the whole tick, or load it."""
-    return kernel(_whole, (_OWN, OWN_VECTOR, _STATE, *_GIVEN), _RESULT)
+    return kernel(_whole, (_OWN, _STATE, *_GIVEN), _RESULT)
 
 
 def compile_tick(*, whole: bool) -> None:
@@ -228,10 +212,10 @@ class PinocchioToolTick(CompiledToolForm):
             return None
         work: ToolScratch = self._words.scratch
         torque = self._rnea(q, v, work.command)
-        answer = self._after(self._own, self._none, state, torque, *given)
+        answer = self._after(self._own, state, torque, *given)
         if answer is None and self._limit is not None:
             work.mass[:] = self._mass_matrix(q)
-            answer = self._limit(self._own, self._none, state)
+            answer = self._limit(self._own)
         return answer
 
 
@@ -251,4 +235,4 @@ class CompiledToolTick(CompiledToolForm):
     ) -> Any:
         (R, p), v_d, a_d = reference
         ext = self._none if tau_ext is None else tau_ext
-        return self._whole(self._own, self._none, state, q, v, R, p, v_d, a_d, wrench, ext)
+        return self._whole(self._own, state, q, v, R, p, v_d, a_d, wrench, ext)
