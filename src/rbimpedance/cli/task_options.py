@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -180,7 +181,8 @@ def naming_joints(arm: ArmModel) -> Iterator[None]:
         raise InputError(f"{error}; the {arm.nv} joints are {names}") from error
 
 
-class Task(NamedTuple):
+@dataclass(frozen=True)
+class Task:
     """What a controller is for.
 
     Attributes:
@@ -205,13 +207,18 @@ class Task(NamedTuple):
         if motion.amplitude is not None:
             words = "left out with --frame, whose motion is --line or --circle"
             raise ParameterError("--amplitude", motion.amplitude, words)
-        return self.tool.trajectory(self.arm, motion.middle(self.arm), motion.period)
+        return self.tool.trajectory(self.arm, self._middle, motion.period)
+
+    @functools.cached_property
+    def _middle(self) -> Array:
+        """Where the motion of a frame begins; a search, which is done once."""
+        return self.motion.middle(self.arm)
 
     def start(self) -> Array:
         """Return the configuration to start from, shape (nq,)."""
         motion, arm = self.motion, self.arm
         is_joints = self.tool.frame is None
-        return motion.start_of(arm, self.trajectory()(0.0).q if is_joints else motion.middle(arm))
+        return motion.start_of(arm, self.trajectory()(0.0).q if is_joints else self._middle)
 
     def impedance(self) -> Any:
         """Return the target, of the joints or of the frame."""
