@@ -98,8 +98,8 @@ COMMANDS = {
     _TUNE_TOOL: Shown(
         ("frame 'tool0'", "proposed gains", "translation"), ("out/gains.json",), slow=True
     ),
-    "run ur5 --frame tool0 --line 0,0.1,0 --armature 0.1": Shown(
-        ("no gains given: tuning ur5", "ok: within its limits"), slow=True
+    "run ur5 --frame tool0 --stiffness 1000,1000,200,30,30,30 --wrench 3,0,-10 --armature 0.1": Shown(
+        ("no gains given: tuning ur5", "ok: within its limits"), ("out/path.png",), slow=True
     ),
     f"run {_TOOL} --circle 0.1 --gains out/gains.json": Shown(
         (r"ok: within its limits; its rms error is [\d.]+e-\d+ m and [\d.]+e-\d+ rad at the tool",),
