@@ -115,3 +115,20 @@ def test_refused_gains_of_a_sliding_joint_are_explained_in_newtons_and_metres(
         assert not refused.feasible
         assert re.search(rf"\d {unit}\b", refused.explain())
         assert not re.search(r"N·m|\brad\b", refused.explain())
+
+
+def test_the_verdict_of_a_sliding_arm_is_in_m(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    call(monkeypatch, "run", arm_of(tmp_path, "prismatic"), *GAINS, "--out", str(tmp_path / "out"))
+    assert re.search(r"its rms error is \S+ m in the last", capsys.readouterr().out)
+
+
+def test_a_run_says_when_nothing_is_unknown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    arm, out = arm_of(tmp_path, "revolute"), ("--out", str(tmp_path / "out"))
+    call(monkeypatch, "run", arm, *GAINS, *out, "--seed", "3")
+    assert "nothing is unknown" in capsys.readouterr().out
+    call(monkeypatch, "run", arm, *GAINS, *out, "--coulomb", "0.1")
+    assert "nothing is unknown" not in capsys.readouterr().out

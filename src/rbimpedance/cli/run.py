@@ -121,6 +121,10 @@ def run(
     with naming_joints(task.arm):
         given = law.controller(task)
     say_grave_notes(task.arm)
+    if unknown.is_nothing() and not output.silent:
+        tell(
+            "nothing is unknown: the simulated arm is the model (--payload, --coulomb and others change that)"
+        )
     controller, words = given or _tuned(task, output)
     payload = unknown.plant(task.arm).payload
     title = f"{task.arm.name}, payload {payload:g} kg, {words}, dt = {controller.dt:g} s"
@@ -181,7 +185,7 @@ def _simulate(
 def _tuned(task: Task, output: OutputOptions) -> tuple[AnyController, str]:
     """Tune gains and say so; where there are none, say why and leave."""
     if not output.silent:
-        tell(f"no gains given: tuning {task.arm.name} for what is unknown")
+        tell(f"no gains given: tuning {task.arm.name}")
     proposal = tuned(task, quiet=output.silent, at_least=TUNING_TIME)
     if not proposal.feasible:
         remedies = proposal.remedies if isinstance(proposal, GainProposal) else ()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, Any
 
@@ -91,6 +91,10 @@ class UnknownOptions:
     def uncertainty(self) -> Uncertainty:
         """Return the ranges."""
         return self._with(dict(self._ranges()), self.torque_constant)
+
+    def is_nothing(self) -> bool:
+        """Whether the model is exact and every sensor ideal."""
+        return replace(self, seed=0) == UnknownOptions()
 
     def plant(self, arm: ArmModel) -> PlantSample:
         """Return the arm that is simulated: each range at the number given last."""

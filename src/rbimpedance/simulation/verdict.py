@@ -72,11 +72,13 @@ class Verdict:
         findings: The reasons, the gravest first; none where the run did not fail.
         error: Largest root-mean-square error of any joint in the last quarter of the run [rad or m].
         tool: That of the tool's translation and rotation [m, rad]; None for a run without `tool`.
+        unit: Unit of `error`: "rad", "m", or "rad or m" for an arm with both kinds of joints.
     """
 
     findings: tuple[Finding, ...]
     error: float
     tool: tuple[float, float] | None = None
+    unit: str = "rad or m"
 
     @property
     def failed(self) -> bool:
@@ -91,7 +93,7 @@ class Verdict:
 
     def __str__(self) -> str:
         if not self.failed:
-            size = f"{self.error:.2g} rad or m"
+            size = f"{self.error:.2g} {self.unit}"
             if self.tool is not None:
                 size = "{:.2g} m and {:.2g} rad at the tool".format(*self.tool)
             return f"within its limits; its rms error is {size} in the last quarter"
@@ -106,7 +108,8 @@ def verdict_of(result: RunLog) -> Verdict:
         *(*_divergence(result), *_position(result), *errors, *_effort(result)),
         *(*_saturation(result, start), *_chatter(result, start)),
     )
-    return Verdict(findings, float(sizes[-1].max()), _tool_error(result))
+    units = sorted({unit_of(result, i) for i in range(len(result.joint_names))}, reverse=True)
+    return Verdict(findings, float(sizes[-1].max()), _tool_error(result), " or ".join(units))
 
 
 def growth(result: RunLog) -> Array:
