@@ -25,6 +25,7 @@ LAYERS = (
     ("trajectories",),
     ("interaction",),
     ("control",),
+    ("logs",),
     ("simulation",),
     ("tuning",),
     ("study",),
@@ -38,8 +39,8 @@ LAYERS = (
 PURE = {"exceptions", "_common", "law"}  # the mathematics: NumPy and SciPy only
 KNOW_PINOCCHIO = {"robot", "pictures", "cli"}
 HEAVY = (
-    *("dask", "distributed", "matplotlib", "meshcat", "mujoco", "numba", "pyarrow", "rich"),
-    *("typer", "yourdfpy"),
+    *("dask", "distributed", "matplotlib", "mcap", "meshcat", "mujoco", "numba", "pyarrow", "rich"),
+    *("rosbags", "typer", "yourdfpy"),
 )
 MODULES = {
     ".".join(path.relative_to(SOURCES).with_suffix("").parts): path

@@ -48,6 +48,7 @@ from .exceptions import DimensionError as DimensionError
 from .exceptions import DivergenceError as DivergenceError
 from .exceptions import InputError as InputError
 from .exceptions import JointLimitError as JointLimitError
+from .exceptions import LogError as LogError
 from .exceptions import MissingExtraError as MissingExtraError
 from .exceptions import ModelError as ModelError
 from .exceptions import NonFiniteError as NonFiniteError
@@ -83,6 +84,7 @@ from .law.surfaces import FormulaSurface as FormulaSurface
 from .law.surfaces import NonsingularTerminalSurface as NonsingularTerminalSurface
 from .law.surfaces import PowerSurface as PowerSurface
 from .law.surfaces import Surface as Surface
+from .logs import Log as Log
 from .robot.arm_model import ArmModel as ArmModel
 from .robot.cartesian import joint_matrix as joint_matrix
 from .robot.hardware import Hardware as Hardware

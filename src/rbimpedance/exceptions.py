@@ -137,6 +137,24 @@ class JointLimitError(InputError):
         )
 
 
+@dataclass(eq=False, repr=False)
+class LogError(RBImpedanceError, ValueError):
+    """A log cannot be read, or what it holds does not fit together.
+
+    Attributes:
+        source: The file or what else it is from.
+        problem: What is wrong, and where.
+        remedy: What would be right.
+    """
+
+    source: str
+    problem: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"'{self.source}': {self.problem}; {self.remedy}"
+
+
 class VelocityLimitWarning(UserWarning):
     """A desired motion is faster than a joint's velocity limit."""
 

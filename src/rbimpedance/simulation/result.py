@@ -15,6 +15,8 @@ from .._common.leaf import leaf
 from ..control.telemetry import CHANNELS
 from ..exceptions import ModelError, ParameterError
 from ..interaction import EnvironmentLike
+from ..logs import Log
+from ..logs.arm_log import positions
 from ..robot.arm_model import ArmModel
 from . import result_file
 from .forces import Forces
@@ -269,6 +271,42 @@ class SimulationResult(RunLog):
         arrays = {channel.name: getattr(self, channel.name) for channel in CHANNELS}
         arrays |= {} if self.tool is None else self.tool.channels()
         return result_file.write(path, result_file.Content(arrays, self.provenance))
+
+    def log(self, arm: ArmModel | None = None) -> Log:
+        """Return what the arm's own sensors saw as a `Log`: positions, velocities, motor torques and tau_ext.
+
+        Args:
+            arm: The arm, where the result is from a file, which does not hold it.
+
+        Raises:
+            ParameterError: No arm is known, and the configurations do not say the joints' positions.
+        """
+        arm = arm or self.plant
+        if arm is None and self.q.shape != self.v.shape:
+            raise ParameterError("arm", arm, "the arm of this run: it has continuous joints")
+        return Log.from_arrays(
+            self.t,
+            self.q if arm is None else positions(arm, self.q),
+            joint_names=self.joint_names,
+            velocity=self.v,
+            effort=self.tau,
+            external=self.tau_ext,
+        )
+
+    def save_mcap(self, path: str | os.PathLike[str]) -> Path:
+        """Write `log()` as an MCAP file with the messages of ROS 2.
+
+        Args:
+            path: Where to, ending in ".mcap".
+
+        Returns:
+            The path that was written.
+
+        Raises:
+            LogError: Another ending.
+            MissingExtraError: The libraries of the extra "logs" are not installed.
+        """
+        return self.log().save(path)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> SimulationResult:
