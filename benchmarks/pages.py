@@ -15,11 +15,18 @@ DOCS = ROOT / "docs"
 FIGURES = DOCS / "figures"
 
 
-def parser(description: str | None) -> argparse.ArgumentParser:
-    """Return the parser of a program that writes figures and rewrites pages; the first line describes it."""
+def parser(description: str | None, jobs: int | None = None) -> argparse.ArgumentParser:
+    """Return the parser of a program that writes figures and rewrites pages.
+
+    Args:
+        description: Its first line describes the program.
+        jobs: Processes where `--jobs` gives no other number; None for a program without them.
+    """
     made = argparse.ArgumentParser(description=(description or "").splitlines()[0])
     made.add_argument("--out", type=Path, default=FIGURES, help="folder of the figures")
     made.add_argument("--docs", type=Path, default=DOCS, help="folder of the pages")
+    if jobs is not None:
+        made.add_argument("--jobs", type=int, default=jobs, help="processes")
     return made
 
 

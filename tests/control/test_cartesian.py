@@ -35,19 +35,23 @@ def ur5() -> rbi.ArmModel:
     return rbi.load_robot("ur5", armature=0.1)
 
 
+def with_panda_links(model: pin.Model, kinds: list[Any], name: str) -> rbi.ArmModel:
+    """The panda's links on joints of these kinds without limits, after those that the model has."""
+    links, before = panda().model, model.njoints - 1
+    model.gravity = links.gravity
+    for j, kind in enumerate(kinds, 1):
+        parent, place = links.parents[j] + before, links.jointPlacements[j]
+        at = model.addJoint(parent, kind, place, links.names[j])
+        model.appendBodyToJoint(at, links.inertias[j], pin.SE3.Identity())
+    tool = links.frames[links.getFrameId("panda_hand_tcp")]
+    model.addFrame(pin.Frame("tool", tool.parentJoint + before, 0, tool.placement, tool.type))
+    model.armature = np.full(model.nv, 0.1)
+    return rbi.ArmModel(model, name=name, tool_frame="tool")
+
+
 def seven_with_continuous_joints() -> rbi.ArmModel:
-    """The panda's links on joints without limits."""
-    model = panda().model
-    free = pin.Model()
-    free.gravity = model.gravity
-    for j in range(1, model.njoints):
-        kind = pin.JointModelRUBZ() if j % 2 else pin.JointModelRZ()
-        at = free.addJoint(model.parents[j], kind, model.jointPlacements[j], model.names[j])
-        free.appendBodyToJoint(at, model.inertias[j], pin.SE3.Identity())
-    tool = model.frames[model.getFrameId("panda_hand_tcp")]
-    free.addFrame(pin.Frame("tool", tool.parentJoint, 0, tool.placement, tool.type))
-    free.armature = np.full(7, 0.1)
-    return rbi.ArmModel(free, name="free", tool_frame="tool")
+    kinds = [pin.JointModelRUBZ() if j % 2 else pin.JointModelRZ() for j in range(1, 8)]
+    return with_panda_links(pin.Model(), kinds, "free")
 
 
 ARMS: dict[str, Callable[[], rbi.ArmModel]] = {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,20 @@ import rbimpedance as rbi
 from rbimpedance.control.cartesian import CartesianOutput, CartesianState
 from rbimpedance.control.cartesian_defaults import tool_surface
 
-from .test_cartesian import ANGLES, AXES, DT, MASS, STIFFNESS, gantry, motion, panda, ur5, wrench_at
+from .test_cartesian import (
+    ANGLES,
+    AXES,
+    DT,
+    MASS,
+    STIFFNESS,
+    gantry,
+    motion,
+    panda,
+    ur5,
+    with_panda_links,
+    wrench_at,
+)
+from .test_cartesian import ARMS as ARMS_OF_SIX_AND_SEVEN
 from .test_cartesian import seven_with_continuous_joints as continuous
 
 Array = NDArray[np.float64]
@@ -25,27 +37,13 @@ COMPILED = ("pinocchio", "compiled")
 
 def on_a_rail() -> rbi.ArmModel:
     """Eight joints: a panda on a rail, with a null space of two dimensions."""
-    model, rail = panda().model, pin.Model()
-    rail.gravity = model.gravity
+    rail = pin.Model()
     rail.addJoint(0, pin.JointModelPY(), pin.SE3.Identity(), "rail")
     rail.appendBodyToJoint(1, pin.Inertia.Random(), pin.SE3.Identity())
-    for j in range(1, model.njoints):
-        place, name = model.jointPlacements[j], model.names[j]
-        free = rail.addJoint(model.parents[j] + 1, pin.JointModelRZ(), place, name)
-        rail.appendBodyToJoint(free, model.inertias[j], pin.SE3.Identity())
-    tool = model.frames[model.getFrameId("panda_hand_tcp")]
-    rail.addFrame(pin.Frame("tool", tool.parentJoint + 1, 0, tool.placement, tool.type))
-    rail.armature = np.full(8, 0.1)
-    return rbi.ArmModel(rail, name="rail", tool_frame="tool")
+    return with_panda_links(rail, [pin.JointModelRZ() for _ in range(7)], "rail")
 
 
-ARMS: dict[str, Callable[[], rbi.ArmModel]] = {
-    "panda": panda,
-    "ur5": ur5,
-    "continuous": continuous,
-    "rail": on_a_rail,
-    "gantry": gantry,
-}
+ARMS = {**ARMS_OF_SIX_AND_SEVEN, "rail": on_a_rail, "gantry": gantry}
 START = {**ANGLES, "rail": [0.1, *ANGLES["panda"]], "gantry": [0.3, -0.2, 0.1]}
 
 

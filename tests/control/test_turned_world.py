@@ -7,7 +7,8 @@ world, so the transient from a large error is another one, unless the axes becom
 from __future__ import annotations
 
 import functools
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -22,6 +23,13 @@ from rbimpedance.robot.tool_kinematics import ToolKinematics
 from .test_cartesian import DT, MASS, STIFFNESS, TURNED, Array, Setting, setting, turned_world
 
 ANGLE = st.floats(-3.1, 3.1)
+
+
+def in_turned_worlds(test: Callable[[str, tuple[float, float, float]], None]) -> Any:
+    """Run a property of two arms in worlds that are turned at random."""
+    turned = given(turn=st.tuples(ANGLE, ANGLE, ANGLE))(test)
+    limited = settings(max_examples=5, deadline=None)(turned)
+    return pytest.mark.parametrize("name", ["panda", "ur5"])(limited)
 
 
 @functools.cache
@@ -71,9 +79,7 @@ def first_torques(name: str, turn: Array, away: Array, wrench: Array) -> tuple[A
     return taus[0], taus[1], taus[2]
 
 
-@pytest.mark.parametrize("name", ["panda", "ur5"])
-@settings(max_examples=5, deadline=None)
-@given(turn=st.tuples(ANGLE, ANGLE, ANGLE))
+@in_turned_worlds
 def test_without_an_error_the_torque_is_the_same_in_any_world(
     name: str, turn: tuple[float, float, float]
 ) -> None:
@@ -82,9 +88,7 @@ def test_without_an_error_the_torque_is_the_same_in_any_world(
     assert_allclose(turned, as_it_is, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["panda", "ur5"])
-@settings(max_examples=5, deadline=None)
-@given(turn=st.tuples(ANGLE, ANGLE, ANGLE))
+@in_turned_worlds
 def test_what_a_small_error_adds_to_the_torque_is_the_same_in_any_world(
     name: str, turn: tuple[float, float, float]
 ) -> None:

@@ -44,12 +44,19 @@ negative effort | effort="30" | effort="-30" | ModelError | is negative
 negative velocity | velocity="4" | velocity="-4" | ModelError | is negative
 zero effort | effort="30" | effort="0" | sound | effort limit is 0
 infinite effort | effort="30" | effort="inf" | ModelError | no-limit
+velocity with a unit | velocity="4" | velocity="4 rad/s" | ModelError | <limit> velocity
+friction in words | friction="0.1" | friction="x" | ModelError | <dynamics> friction
+letter in an angle | rpy="0 0 0.5" | rpy="0 0 a" | ModelError | joint 'shoulder': <origin> rpy
 negative damping | damping="0.3" | damping="-0.3" | ModelError | is negative
 huge damping | damping="0.3" | damping="1e30" | sound |
 degrees as rad | rpy="0 0 0.5" | rpy="0 0 360" | sound |
 angle of 1e30 | rpy="0 0 0.5" | rpy="0 0 1e30" | ModelError | no angles
 two origins | <origin xyz="0 0 0.4"/> | <origin xyz="0 0 0.4"/><origin xyz="0 0 0.4"/> | ModelError | 2 <origin>
 no type | type="revolute" |  | ModelError | joint 'shoulder' needs the attribute type
+kind in capitals | type="revolute" | type="Revolute" | ModelError | unknown type 'Revolute'; did you mean 'revolute'
+short gravity | <robot name="arm"> | <robot><rbimpedance><gravity xyz="0"/></rbimpedance> | ModelError | <gravity> xyz
+mimic alone | <parent link="upper"/> | <parent link="upper"/><mimic/> | ModelError | <mimic> needs the attribute j
+mimic with a comma | velocity="1"/> | velocity="1"/><mimic joint="shoulder" offset="1,0"/> | ModelError | <mimic> offset
 # names and structure
 two links of one name | <link name="tool"/> | <link name="hand"/> | ModelError | two links
 two joints of one name | name="mount" | name="slide" | ModelError | two joints

@@ -96,11 +96,10 @@ def tables(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
 
 def main() -> None:
     """Measure, write and tabulate."""
-    parser = pages.parser(__doc__)
+    parser = pages.parser(__doc__, jobs=1)
     parser.add_argument("--robots", nargs="*", choices=ROBOTS, default=list(ROBOTS))
     parser.add_argument("--laws", nargs="*", choices=LAWS, default=list(LAWS))
     parser.add_argument("--without-noise", action="store_true", help="keep the noisy runs")
-    parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--tabulate", action="store_true", help="only tabulate what is there")
     asked = parser.parse_args()
     path = asked.out / "cartesian.json"

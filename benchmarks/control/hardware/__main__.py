@@ -59,10 +59,9 @@ def measured(names: list[str], halvings: int, jobs: int) -> Iterator[dict[str, A
 
 def main() -> None:
     """Measure, write, draw, tabulate."""
-    parser = pages.parser(__doc__)
+    parser = pages.parser(__doc__, jobs=1)
     parser.add_argument("--arms", nargs="*", choices=ARMS, default=list(ARMS))
     parser.add_argument("--quick", action="store_true", help="bounds by a factor of four only")
-    parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--draw", action="store_true", help="only draw and tabulate what is there")
     asked = parser.parse_args()
     path = asked.out / "hardware.json"

@@ -71,13 +71,12 @@ def rewrite(folder: Path, tables: Mapping[str, str]) -> None:
 
 def main() -> None:
     """Measure, write, draw, tabulate."""
-    parser = pages.parser(__doc__)
+    parser = pages.parser(__doc__, jobs=os.cpu_count() or 1)
     parser.add_argument("--parts", nargs="*", choices=PARTS, default=list(PARTS))
     parser.add_argument("--arms", nargs="*", choices=ARMS, default=list(ARMS))
     parser.add_argument("--plants", type=int, default=200, help="sampled plants where many count")
     parser.add_argument("--few", type=int, default=12, help="sampled plants elsewhere")
     parser.add_argument("--seed", type=int, default=4)
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
     parser.add_argument("--backend", default="compiled", help="of the simulations")
     asked = parser.parse_args()
     options = common.Options(tuple(asked.arms), asked.plants, asked.few, asked.seed)

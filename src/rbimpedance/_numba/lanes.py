@@ -212,33 +212,31 @@ def select(typing: Any, condition: Any, a: Any, b: Any) -> Any:
     return number(condition, number, number), emit
 
 
+def _across(kind: types.Type, answer: Callable[[Any, Any], Any]) -> Callable[..., Any]:
+    """Code for what the lanes of a value answer together; a single number or condition answers for itself."""
+    return lambda _, builder, given, values: (
+        answer(builder, values[0]) if given.args[0] == kind else values[0]
+    )
+
+
 @intrinsic  # type: ignore[untyped-decorator]
 def any_of(typing: Any, condition: Any) -> Any:
     """Whether a condition holds, in one lane at least."""
     del typing
-
-    def emit(context: Any, builder: Any, given: Any, values: Any) -> Any:
-        del context
-        if given.args[0] != MASK:
-            return values[0]
-        byte = ir.IntType(WIDTH)
-        return builder.icmp_unsigned("!=", builder.bitcast(values[0], byte), byte(0))
-
-    return types.boolean(condition), emit
+    byte = ir.IntType(WIDTH)
+    return types.boolean(condition), _across(
+        MASK, lambda builder, x: builder.icmp_unsigned("!=", builder.bitcast(x, byte), byte(0))
+    )
 
 
 @intrinsic  # type: ignore[untyped-decorator]
 def first_lane(typing: Any, x: Any) -> Any:
     """A number that is the same in all lanes."""
     del typing
-
-    def emit(context: Any, builder: Any, given: Any, values: Any) -> Any:
-        del context
-        if given.args[0] != LANES:
-            return values[0]
-        return builder.extract_element(values[0], ir.IntType(32)(0))
-
-    return types.float64(x), emit
+    first = ir.IntType(32)(0)
+    return types.float64(x), _across(
+        LANES, lambda builder, lanes: builder.extract_element(lanes, first)
+    )
 
 
 @intrinsic  # type: ignore[untyped-decorator]

@@ -25,12 +25,11 @@ from ..tuning.gains_file import save_gains
 from .law import TUNING_TIME, LawOptions, tuned
 from .notes import say_grave_notes
 from .option_groups import with_options
-from .options import OutputOptions, Robot, RobotOptions, numbers, option
+from .options import OutputOptions, numbers, option
 from .recording import FAILED, draw, prepare, record, say_failed, say_written
 from .run_tables import LEGEND, TOOL_LEGEND, result_figures, result_tables, tool_figures
-from .task_options import MotionOptions, TargetOptions, Task, UnknownOptions, naming_joints
+from .task_options import MotionOptions, Task, TaskOptions, naming_joints
 from .terminal import explain, print_json, print_table, tell
-from .tool_options import ToolOptions
 from .wording import as_options
 
 _simulation = partial(option, "Simulation")
@@ -95,12 +94,7 @@ class RunOutputOptions(OutputOptions):
 
 @with_options
 def run(
-    robot: Robot,
-    reading: RobotOptions,
-    unknown: UnknownOptions,
-    motion: MotionOptions,
-    target: TargetOptions,
-    tool: ToolOptions,
+    asked: TaskOptions,
     law: LawOptions,
     acting: PlantOptions,
     output: RunOutputOptions,
@@ -114,7 +108,7 @@ def run(
     Exit code 1: the arm is lost or far from its motion, leaves its limits, needs more torque than it has for more than
     a moment, or its torque chatters.
     """
-    task = Task(tool.load(reading, robot), motion, target, unknown, tool)
+    task = asked.task()
     task.check()
     acting.check(task.motion)
     prepare(output.out / "result.npz", output.html)
@@ -126,11 +120,13 @@ def run(
             "nothing is unknown: the simulated arm is the model (--payload, --coulomb and others change that)"
         )
     controller, words = given or _tuned(task, output)
-    payload = unknown.plant(task.arm).payload
+    payload = task.unknown.plant(task.arm).payload
     title = f"{task.arm.name}, payload {payload:g} kg, {words}, dt = {controller.dt:g} s"
     remedies = law.remedies()
     checkpoint = Checkpoint(
-        output.out / "result.checkpoint", f"{motion}, {acting}, {tool}", resume=output.resume
+        output.out / "result.checkpoint",
+        f"{task.motion}, {acting}, {task.tool}",
+        resume=output.resume,
     )
     try:
         result = record(

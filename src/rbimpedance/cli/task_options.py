@@ -20,7 +20,7 @@ from ..robot.dexterous import dexterous_configuration
 from ..trajectories import Trajectory, cosine
 from ..tuning import Uncertainty
 from ..tuning.plant_sample import PlantSample
-from .options import numbers, option
+from .options import Robot, RobotOptions, numbers, option
 from .tool_options import ToolOptions
 
 _motion = partial(option, "Motion")
@@ -257,6 +257,23 @@ class Task:
         limits = self.target.torque_limits(self.arm)
         if limits is not None:
             per_joint("--limits", positive("--limits", limits), self.arm.nv)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TaskOptions:
+    """All options that a `Task` is made of."""
+
+    robot: Robot
+    reading: RobotOptions
+    unknown: UnknownOptions
+    motion: MotionOptions
+    target: TargetOptions
+    tool: ToolOptions
+
+    def task(self) -> Task:
+        """Load the robot, and return the task."""
+        arm = self.tool.load(self.reading, self.robot)
+        return Task(arm, self.motion, self.target, self.unknown, self.tool)
 
 
 def _posture(option: str, text: str, arm: ArmModel) -> Array:

@@ -11,11 +11,10 @@ from ..tuning.gains_file import proposal_data, save_gains
 from .law import tuned
 from .notes import say_grave_notes
 from .option_groups import with_options
-from .options import OutputOptions, Robot, RobotOptions
+from .options import OutputOptions
 from .recording import FAILED, prepare, say_written
-from .task_options import MotionOptions, TargetOptions, Task, UnknownOptions
+from .task_options import TaskOptions
 from .terminal import explain, print_json, print_table, tell
-from .tool_options import ToolOptions
 from .tune_tables import (
     BLOCKS_LEGEND,
     LEGEND,
@@ -33,16 +32,11 @@ from .tune_tables import (
 
 @with_options
 def tune(
-    robot: Robot,
-    reading: RobotOptions,
-    unknown: UnknownOptions,
-    motion: MotionOptions,
-    target: TargetOptions,
-    tool: ToolOptions,
+    asked: TaskOptions,
     output: OutputOptions,
 ) -> None:
     """Propose gains for what is not known about a robot, or say why there are none (exit code 1)."""
-    task = Task(tool.load(reading, robot), motion, target, unknown, tool)
+    task = asked.task()
     say_grave_notes(task.arm)
     task.check()
     prepare(output.out)

@@ -104,17 +104,8 @@ class PDPlus(MemorylessBaseline):
 
         tau = M(q) a_d + C(q, v) v_d + g(q) + friction(v) + D_d(v_d - v) + K_d(q_d - q)
 
-    As for `PDGravity`, the arm keeps its own inertia, and s and u are zero.
-
-    Args:
-        arm: The controller's model of the arm.
-        impedance: Target impedance; its damping and stiffness are the PD gains.
-        dt: Control period [s].
-        model: "full"; or "inertia", without C, g and friction.
-
-    Raises:
-        ParameterError: dt is not a positive number, or an unknown `model`.
-        DimensionError: A gain is given for another number of joints.
+    As for `PDGravity`, the arm keeps its own inertia, and s and u are zero; arguments and errors are the same. With
+    `model="inertia"` it is without C, g and friction.
 
     References:
         B. Paden, R. Panja, Globally asymptotically stable 'PD+' controller for robot manipulators,
@@ -236,16 +227,11 @@ class SlotineLi(_Sliding):
     sᵀK_s s. u is zero; K_s·s is a torque.
 
     Attributes:
-        arm: The controller's model of the arm.
-        impedance: Target impedance.
         surface_rate: Λ > 0, scalar or (nv,) [1/s].
         gain: K_s > 0, scalar or (nv,) [N·m·s/rad or N·s/m].
-        dt: Control period [s].
         model: "full"; or "inertia", without C, g and friction.
 
-    Raises:
-        ParameterError: A gain that is not positive, or an unknown `model`.
-        DimensionError: A gain is given for another number of joints.
+    The other attributes and the errors are those of `FirstOrderSlidingMode`.
 
     References:
         J.-J. E. Slotine, W. Li, On the adaptive control of robot manipulators, International Journal

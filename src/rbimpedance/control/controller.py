@@ -19,7 +19,6 @@ from ..law.super_twisting import FormulaReaching
 from ..law.surfaces import Surface
 from ..robot.arm_model import ArmModel
 from ..robot.knowledge import Knowledge, as_knowledge
-from ..trajectories import Reference
 from .backends import tick_form
 from .default_gains import default_impedance, default_law
 from .errors import check_measurements
@@ -135,26 +134,6 @@ class ImpedanceController(MadeAnew, ControllerBase[ControllerState, ControllerOu
     def init(self) -> ControllerState:
         """Return the state before the first tick: filter at rest, integral zero."""
         return self._form.init()
-
-    def step(  # noqa: D102 (the base's docstring; here without a detour, for its speed)
-        self,
-        state: ControllerState,
-        q: ArrayLike,
-        v: ArrayLike,
-        reference: Reference,
-        tau_ext: ArrayLike,
-        period: float | None = None,
-    ) -> tuple[ControllerOutput, ControllerState]:
-        if period is not None:
-            state = self.elapsed(state, period)
-        answer: tuple[ControllerOutput, ControllerState] | None
-        try:
-            answer = self._compute(self._own, state, q, v, reference, tau_ext)
-        except (TypeError, ValueError):  # not plain vectors
-            answer = None
-        if answer is None:
-            return self._step(state, Measured(q, v, reference, tau_ext))
-        return answer
 
     def realtime(self, state: ControllerState | None = None) -> RealtimeController:
         """Return the tick for a real-time loop: torque only, in memory that is made once.

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 from abc import ABC, abstractmethod
-from typing import Generic, Literal, NamedTuple, Protocol, TypeVar
+from collections.abc import Callable
+from typing import Any, Generic, Literal, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -117,7 +119,13 @@ class TickBase(ABC, Generic[StateT, GivenT, AnswerT]):
 
 
 class ControllerBase(TickBase[StateT, Measured, OutputT]):
-    """What every controller of the library offers, described once; children give `init`, `_step` and `_elapsed`."""
+    """What every controller of the library offers, described once; children give `init`, `_step` and `_elapsed`.
+
+    One that has a form of its tick besides `_step` (see `backends`) gives its function, and what that takes first.
+    """
+
+    _compute: Callable[..., Any] | None = None
+    _own: Any = None
 
     def step(
         self,
@@ -148,7 +156,13 @@ class ControllerBase(TickBase[StateT, Measured, OutputT]):
         """
         if period is not None:
             state = self.elapsed(state, period)
-        return self._step(state, Measured(q, v, reference, tau_ext))
+        answer: tuple[OutputT, StateT] | None = None
+        if self._compute is not None:
+            with contextlib.suppress(TypeError, ValueError):  # not plain vectors
+                answer = self._compute(self._own, state, q, v, reference, tau_ext)
+        if answer is None:
+            return self._step(state, Measured(q, v, reference, tau_ext))
+        return answer
 
     def warm_up(self: Controller[StateT]) -> None:
         """Take one tick and forget it, so that the first one of a run is no slower than the rest.

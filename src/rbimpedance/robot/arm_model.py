@@ -271,12 +271,7 @@ class ArmModel:
 
         Args:
             q: Configuration, shape (nq,).
-            frame: Name of the frame; the tool frame by default.
-
-        Raises:
-            DimensionError: Wrong shape or kind.
-            NonFiniteError: q holds NaN or infinity.
-            ModelError: No such frame.
+            frame: Name of the frame; the tool frame by default. Errors are those of `jacobian`.
         """
         return self.raw_dynamics.frame_placement(
             self.check_configuration("q", q), self._frame_id(frame)

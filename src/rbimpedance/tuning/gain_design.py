@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -151,6 +151,18 @@ class Design:
     noise_torque: Array
     joint: int | None = None
     reason: str = ""
+
+
+def foundations(task: DesignTask, measured: Measured) -> dict[str, Any]:
+    """Return what every proposal names as its foundations, by field."""
+    return {
+        "nominal": task.arm,
+        "arm": measured.model,
+        "payload": measured.payload,
+        "uncertainty": task.uncertainty,
+        "dt": task.dt,
+        "limits": task.limits,
+    }
 
 
 def measure_task(task: DesignTask) -> Measured:

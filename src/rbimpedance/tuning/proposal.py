@@ -25,7 +25,7 @@ from ..trajectories import Trajectory
 from ..trajectories.cartesian import CartesianTrajectory
 from .checks import Checked
 from .coupling import Coupling
-from .gain_design import DesignTask
+from .gain_design import DesignTask, foundations
 from .hardware_proposal import HardwareProposal, propose_for_hardware
 from .mismatch import Mismatch
 from .motions import MotionMargin
@@ -331,12 +331,7 @@ def _proposal(task: DesignTask, checked: Checked, tried: Tried) -> GainProposal:
         joint=None if found.joint is None else task.arm.joint_names[found.joint],
         remedies=tried.remedies,
         tried=tried,
-        nominal=task.arm,
-        arm=found.measured.model,
-        payload=found.measured.payload,
-        uncertainty=task.uncertainty,
         trajectory=task.trajectory,
-        dt=task.dt,
         surface=found.surface,
         k1=found.k1,
         k2=found.k2,
@@ -349,6 +344,6 @@ def _proposal(task: DesignTask, checked: Checked, tried: Tried) -> GainProposal:
         noise_torque=found.noise_torque,
         certificate=checked.certificate,
         worst=checked.worst,
-        limits=task.limits,
         torque=demand,
+        **foundations(task, found.measured),
     )

@@ -25,7 +25,7 @@ from ..robot.tool_kinematics import ToolKinematics, rotation_error
 from ..trajectories import Trajectory, samples
 from ..trajectories.cartesian import CartesianTrajectory
 from .checks import ROUNDS, SLOWER
-from .gain_design import TORQUE_FLOOR, Design, DesignTask, Measured, design
+from .gain_design import TORQUE_FLOOR, Design, DesignTask, Measured, design, foundations
 from .mismatch import Mismatch, balanced_model, measure, missed_torque
 from .motions import Motion, sample_motions
 from .plant_sample import PlantSample
@@ -44,11 +44,7 @@ class _Blocks(NamedTuple):
     nv: int
     joint_names: tuple[str, ...]
     effort_limit: Array
-    position_units: tuple[str, ...] = (
-        "rad",
-        "rad",
-        "rad",
-    )  # translations count in units of the length
+    position_units: tuple[str, ...] = ("rad",) * 3  # translations count in units of the length
 
 
 def propose_at_tool(
@@ -282,12 +278,7 @@ def _proposal(
         feasible=not reason,
         reason=reason,
         block=None if block is None else BLOCKS[block],
-        nominal=task.arm,
-        arm=found.measured.model,
-        payload=found.measured.payload,
-        uncertainty=task.uncertainty,
         frame=tool.frame,
-        dt=task.dt,
         damping=damping,
         surface=surface,
         k1=found.k1 * np.sqrt(unit),
@@ -298,5 +289,5 @@ def _proposal(
         noise_error=found.noise_error * unit,
         mismatch=joints,
         worst=worst,
-        limits=task.limits,
+        **foundations(task, found.measured),
     )

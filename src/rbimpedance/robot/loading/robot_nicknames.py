@@ -23,20 +23,15 @@ _ALONE = (
 NICKNAMES = {
     **{name: (f"{name}_description",) for name in _ALONE},
     "barrett": ("wam7_description", "barrett_hand_description"),
-    "emika": ("panda", "fr3_description"),
+    **dict.fromkeys(("emika", "franka"), ("panda", "fr3_description")),
     "fr3": ("fr3_description", "panda"),
-    "franka": ("panda", "fr3_description"),
-    "iiwa": ("iiwa14_description", "iiwa7_description"),
+    **dict.fromkeys(("iiwa", "kuka", "lbr"), ("iiwa14_description", "iiwa7_description")),
     "jaco": ("kinova", "gen2_description"),
-    "kuka": ("iiwa14_description", "iiwa7_description"),
-    "lbr": ("iiwa14_description", "iiwa7_description"),
-    "lite6": ("xarm7",),
+    **dict.fromkeys(("lite6", "ufactory", "xarm"), ("xarm7",)),
     "pal": ("talos_arm", "tiago"),
     "so-arm100": ("so100",),
-    "ufactory": ("xarm7",),
     "universal": ("ur5", "ur3", "ur10"),
     "unitree": ("z1", "g1", "go2"),
-    "xarm": ("xarm7",),
 }
 """Names of `load_robot` by maker, family or model, the best first."""
 

@@ -18,7 +18,6 @@ from ..._numba.compile import inline, kernel, routine
 from ..._numba.formulas import helper
 from ..._numba.layouts.tables import Held
 from ..._numba.layouts.tables import opened as opened_words
-from ...control.compiled.hardware_kernels import SENT, UNSOUND
 from ...control.compiled.hardware_tables import (
     OUT_A_R,
     OUT_E1,
@@ -190,7 +189,10 @@ def _run(
     for k in range(ticks[FIRST], ticks[END]):
         i = k - ticks[FIRST]
         _environment(plant, space, environment, i * substeps, moving)
-        if _tick(controlled, plant, wish, memory, moving, desk, space, out, k, i) != SENT:
+        _count(plant, moving, space)
+        given = TickInputs(space.q, moving.v, wish.q[i], wish.v[i], wish.a[i], space.tau_ext)
+        sound = is_sound(controlled.arm, given)
+        if not (sound and hardware_tick(controlled, desk, k, given, memory, out)):
             clock.outcome[TICK] = k
             return REFUSED
         tau = out.rows[OUT_TAU]
@@ -209,28 +211,13 @@ def _run(
 
 
 @routine
-def _tick(
-    controlled: HardwareTables,
-    plant: DriveTables,
-    wish: ReferenceSamples,
-    memory: TickMemory,
-    moving: DriveMemory,
-    desk: TickSpace,
-    space: DriveSpace,
-    out: TickOutput,
-    k: int,
-    i: int,
-) -> int:
-    """A tick on what the encoders count."""
+def _count(plant: DriveTables, moving: DriveMemory, space: DriveSpace) -> None:
+    """Write the configuration that the encoders count."""
     for j in range(len(moving.v)):
         count, turned = plant.resolution[j], difference(plant.arm, j, plant.neutral, moving.q)
         if count > 0.0:
             turned = round(turned / count) * count
         add_step(plant.arm, j, plant.neutral, turned, space.q)
-    given = TickInputs(space.q, moving.v, wish.q[i], wish.v[i], wish.a[i], space.tau_ext)
-    if not is_sound(controlled.arm, given):
-        return UNSOUND
-    return SENT if hardware_tick(controlled, desk, k, given, memory, out) else REFUSED
 
 
 @routine
