@@ -20,14 +20,7 @@ class Noisy(CartesianControllerBase[Any]):
     """A controller at the tool whose measurements are noisy, the same at every run."""
 
     def __init__(self, inside: CartesianControllerBase[Any]) -> None:
-        self.__dict__.update(
-            inside=inside,
-            arm=inside.arm,
-            impedance=inside.impedance,
-            dt=inside.dt,
-            frame=inside.frame,
-            damping=inside.damping,
-        )
+        self.__dict__.update(vars(inside) | {"inside": inside})
 
     @property
     def _target(self) -> Any:

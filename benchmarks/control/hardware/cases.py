@@ -112,17 +112,11 @@ def simulated(
 
 
 def run(
-    case: Case,
-    controller: Any,
-    hardware: rbi.Hardware,
-    motion: Any,
-    push: Any = PUSH,
-    length: float = LENGTH,
-    **more: Any,
+    case: Case, controller: Any, hardware: rbi.Hardware, motion: Any, *how: Any, **more: Any
 ) -> dict[str, Any]:
-    """Error from 2 s on [rad], and torque variation [N·m/s], of a run; infinite where the arm is lost."""
+    """Error from 2 s on [rad], and torque variation [N·m/s], of a `simulated` run; infinite where the arm is lost."""
     try:
-        result = simulated(case, controller, hardware, motion, push, length, **more)
+        result = simulated(case, controller, hardware, motion, *how, **more)
     except rbi.DivergenceError:
         return {"error": np.inf, "variation": np.inf}
     return evaluated(case.plant(), result.t, result.q, result.q_r, result.tau)

@@ -26,12 +26,12 @@ QUIET = 2.1
 def tables(rows: Rows) -> dict[str, str]:
     """Every table by its place."""
     return {
-        "hardware-ours": _ours(rows),
+        "hardware-ours": _by_choice(rows, "ours", "{} bits"),
         "hardware-laws": _laws(rows),
         "hardware-ranges": _by_arm(rows, "ranges", "hardware"),
         "hardware-standing": _standing(rows),
         "hardware-springs": _by_arm(rows, "springs", "rotors [kg·m²]"),
-        "hardware-engines": _engines(rows),
+        "hardware-engines": _by_choice(rows, "engines", "{}"),
         "hardware-impedance": _impedance(rows),
         "hardware-wall": _wall(rows),
     }
@@ -41,14 +41,15 @@ def _with(rows: Rows, part: str) -> dict[str, Mapping[str, Any]]:
     return {name: row for name, row in rows.items() if part in row}
 
 
-def _ours(rows: Rows) -> str:
-    measured = _with(rows, "ours")
-    bits = list(next(iter(measured.values()))["ours"])
+def _by_choice(rows: Rows, part: str, title: str) -> str:
+    """Arms as rows, what was chosen for a part as columns."""
+    measured = _with(rows, part)
+    choices = list(next(iter(measured.values()))[part])
     lines = [
-        (name, *(_cell(row["ours"][b], row["need"]) for b in bits))
+        (name, *(_cell(row[part][choice], row["need"]) for choice in choices))
         for name, row in measured.items()
     ]
-    return markdown(("arm", *(f"{b} bits" for b in bits)), lines)
+    return markdown(("arm", *map(title.format, choices)), lines)
 
 
 def _laws(rows: Rows) -> str:
@@ -71,16 +72,6 @@ def _by_arm(rows: Rows, part: str, title: str) -> str:
         for label in labels
     ]
     return markdown((title, *measured), lines)
-
-
-def _engines(rows: Rows) -> str:
-    measured = _with(rows, "engines")
-    engines = list(next(iter(measured.values()))["engines"])
-    lines = [
-        (name, *(_cell(row["engines"][engine], row["need"]) for engine in engines))
-        for name, row in measured.items()
-    ]
-    return markdown(("arm", *engines), lines)
 
 
 def _impedance(rows: Rows) -> str:

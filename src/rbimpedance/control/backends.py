@@ -8,7 +8,8 @@ from typing import get_args
 from .._common.arrays import choice
 from .._numba import warn_once
 from ..exceptions import UnsupportedJointError
-from .cartesian_tick import CartesianLaw, ToolForm
+from .cartesian_base import ToolForm
+from .cartesian_tick import CartesianLaw
 from .protocol import Backend
 from .tick import ControlLaw, NumpyTick, TickForm
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +14,6 @@ from ..law.cartesian_impedance import CartesianFilter, CartesianImpedance, Displ
 from ..law.damped_inverse import Damping
 from ..law.joint_bounds import JointBounds
 from ..law.limits import Limits, as_limits
-from ..law.poses import CartesianReference
 from ..law.super_twisting import ReachingState, SuperTwisting
 from ..law.surfaces import Surface
 from ..robot.arm_model import ArmModel
@@ -25,7 +23,7 @@ from .cartesian_base import CartesianControllerBase, ToolMeasured
 from .cartesian_defaults import completed_laws, default_cartesian_impedance
 from .cartesian_telemetry import CartesianOutput as CartesianOutput  # noqa: PLC0414 (part of this module's interface)
 from .cartesian_telemetry import CartesianState as CartesianState  # noqa: PLC0414 (part of this module's interface)
-from .cartesian_tick import CartesianLaw, SlidingLaw, ToolForm, cartesian_tick
+from .cartesian_tick import CartesianLaw, SlidingLaw, cartesian_tick
 from .protocol import Backend
 
 
@@ -98,7 +96,6 @@ class CartesianController(MadeAnew, CartesianControllerBase[CartesianState]):
     joint_limits: bool
     backend: Backend
     _law: CartesianLaw
-    _form: ToolForm | None
     _made = ("_law", "_form")
 
     def __init__(
@@ -180,24 +177,6 @@ class CartesianController(MadeAnew, CartesianControllerBase[CartesianState]):
             z_before=six,
             z_null_before=null,
         )
-
-    def step(  # noqa: D102 (the base's docstring; here without a detour, for its speed)
-        self,
-        state: CartesianState,
-        q: ArrayLike,
-        v: ArrayLike,
-        reference: CartesianReference,
-        wrench: ArrayLike,
-        tau_ext: ArrayLike | None = None,
-        period: float | None = None,
-    ) -> tuple[CartesianOutput, CartesianState]:
-        form, answer = self._form, None
-        if form is not None and period is None:
-            with contextlib.suppress(TypeError, ValueError):  # not plain vectors
-                answer = form.step(state, q, v, reference, wrench, tau_ext)
-        if answer is None:
-            return super().step(state, q, v, reference, wrench, tau_ext, period)
-        return answer  # type: ignore[no-any-return]
 
     @property
     def _target(self) -> CartesianFilter:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 from abc import abstractmethod
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +25,7 @@ from ..law.rotations import Coefficients, RotationVector, at
 from ..law.vectors import Vector, matrix_of, vector_of
 from ..robot.arm_model import ArmModel
 from ..robot.tool_kinematics import ToolMotion
-from .cartesian_telemetry import CartesianOutput
+from .cartesian_telemetry import CartesianOutput, CartesianState
 from .protocol import StateT, TickBase, checked_period
 
 
@@ -97,6 +98,20 @@ class ToolErrors(NamedTuple):
         return six_array(tool_formulas.of_error(*given))
 
 
+class ToolForm(Protocol):
+    """How a backend computes a tick at the tool."""
+
+    def pack(self, state: CartesianState) -> CartesianState:
+        """Return a state in the form that `step` takes."""
+
+    def step(self, state: Any, q: Any, v: Any, reference: Any, wrench: Any, tau_ext: Any) -> Any:
+        """Return output and next state.
+
+        It may answer None for what is not sound or what it leaves to `cartesian_tick`, and raise `TypeError` for what
+        is not a plain vector of float64.
+        """
+
+
 @dataclass(frozen=True, eq=False, init=False)
 class CartesianControllerBase(TickBase[StateT, ToolMeasured, CartesianOutput]):
     """What every controller at the tool offers, described once; children give `init`, `_step` and `_elapsed`.
@@ -114,6 +129,7 @@ class CartesianControllerBase(TickBase[StateT, ToolMeasured, CartesianOutput]):
     dt: float
     frame: str
     damping: Damping
+    _form: ToolForm | None = field(default=None, init=False)
 
     @property
     @abstractmethod
@@ -151,6 +167,12 @@ class CartesianControllerBase(TickBase[StateT, ToolMeasured, CartesianOutput]):
             NonFiniteError: An input holds NaN or infinity.
             InputError: A period that is not positive, or longer than `LONGEST_PERIOD` control periods.
         """
+        form, answer = self._form, None
+        if form is not None and period is None:
+            with contextlib.suppress(TypeError, ValueError):  # not plain vectors
+                answer = form.step(state, q, v, reference, wrench, tau_ext)
+        if answer is not None:
+            return answer  # type: ignore[no-any-return]
         given = ToolMeasured(
             self.arm.check_configuration("q", q),
             vector("v", v, self.arm.nv),

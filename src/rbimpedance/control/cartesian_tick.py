@@ -6,7 +6,7 @@ the mass matrix nor the operational-space inertia is formed, except where a torq
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -61,20 +61,6 @@ class CartesianLaw(NamedTuple):
     bounds: JointBounds | None
     limits: Limits | None
     dt: float
-
-
-class ToolForm(Protocol):
-    """How a backend computes a tick at the tool."""
-
-    def pack(self, state: CartesianState) -> CartesianState:
-        """Return a state in the form that `step` takes."""
-
-    def step(self, state: Any, q: Any, v: Any, reference: Any, wrench: Any, tau_ext: Any) -> Any:
-        """Return output and next state.
-
-        It may answer None for what is not sound or what it leaves to `cartesian_tick`, and raise `TypeError` for what
-        is not a plain vector of float64.
-        """
 
 
 class Sliding(NamedTuple):
