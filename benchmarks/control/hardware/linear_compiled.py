@@ -168,6 +168,7 @@ def _run(
                     log.q[k, i], log.q_r[k, i] = moving.q[i], space.q_r[i]
                 for j in range(len(moving.v)):
                     log.tau[k, j] = memory.rows[_TAU, j]
+            driven._dynamics(plant, drives, moving)
             driven._step(plant, drives, memory.rows[_TAU], moving)
             if runaway(moving.v, plant.numbers[driven.SPEED_BOUND]) >= 0:
                 return k

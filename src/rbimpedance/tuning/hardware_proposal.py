@@ -208,16 +208,35 @@ def propose_for_hardware(
     found = _designed(task, hardware, measured, accuracy or BEST)
     if hardware.is_elastic and hardware.torque_sensor is None:
         return _refused_for_springs(found)
-    tried: list[HardwareProposal] = []
+    samples, tried = _worst(task), list[HardwareProposal]()
     for softer in range(_ROUNDS):
-        found = _softened(found, softer)
-        found = replace(found, runs=tuple(_runs(task, found, impedance, q0)))
+        found = _until_loud(task, _softened(found, softer), impedance, q0, samples)
         tried.append(found)
         if not found.exceeds(LOUDEST):
             break
+        loudest = found.runs[-1].sample  # the first plant of the next round
+        samples = [loudest, *(each for each in samples if each is not loudest)]
     else:
         found = min(tried, key=lambda each: each.variation)
+        seen = [run.sample for run in found.runs]
+        left = [sample for sample in samples if sample not in seen]
+        found = replace(found, runs=(*found.runs, *_runs(task, found, impedance, q0, left)))
     return _judged(found, accuracy)
+
+
+def _until_loud(
+    task: DesignTask,
+    found: HardwareProposal,
+    impedance: Impedance,
+    q0: Array,
+    samples: list[PlantSample],
+) -> HardwareProposal:
+    """The proposal with the runs of its samples up to the first that is too loud: then a softer one is tried."""
+    for run in _runs(task, found, impedance, q0, samples):
+        found = replace(found, runs=(*found.runs, run))
+        if found.exceeds(LOUDEST):
+            break
+    return found
 
 
 def _as_seen(arm: ArmModel, hardware: Hardware) -> ArmModel:
@@ -274,7 +293,8 @@ def _softened(found: HardwareProposal, softer: int) -> HardwareProposal:
     b = found.bandwidths
     quiet = _SOFTER * b.quiet
     slower = replace(b, quiet=quiet, alert=np.maximum(_SOFTER * b.alert, quiet))
-    return replace(found, bandwidths=slower, accuracy=found.accuracy / _GATE_SOFTER, softer=softer)
+    accuracy = found.accuracy / _GATE_SOFTER
+    return replace(found, bandwidths=slower, accuracy=accuracy, softer=softer, runs=())
 
 
 def _expected(task: DesignTask) -> Expectation:
@@ -314,11 +334,12 @@ def _runs(
     proposal: HardwareProposal,
     impedance: Impedance,
     q0: Array,
+    samples: list[PlantSample],
 ) -> Iterator[HardwareRun]:
-    """The extreme samples on the hardware."""
+    """Samples on the hardware."""
     law = _controller(proposal, impedance, task.limits)
     hardware = proposal.hardware
-    for sample in _worst(task):
+    for sample in samples:
         controller, plant = on_hardware(sample.wrap(law, noisy=False), sample.plant, hardware)
         ticks = max(round(task.duration / task.dt), 10)
         try:

@@ -167,6 +167,7 @@ def _step_entry(
     for j in range(len(v)):
         space.tau_ext[j] = tau_ext[j]
     place_joints(plant.arm, space.recursions, q)
+    _dynamics(plant, space, moving)
     _step(plant, space, tau, moving)
     return 0
 
@@ -202,6 +203,7 @@ def _run(
         for n in range(substeps):
             if n > 0:
                 _environment(plant, space, environment, i * substeps + n, moving)
+                _dynamics(plant, space, moving)  # at a tick `_write` has done it
             _step(plant, space, tau, moving)
             joint = runaway(moving.v, plant.numbers[SPEED_BOUND])
             if joint >= 0:
@@ -251,10 +253,9 @@ def _rippled(plant: DriveTables, j: int, q: Array, torque: float) -> float:
 
 @routine
 def _step(plant: DriveTables, space: DriveSpace, tau: Array, moving: DriveMemory) -> None:
-    """One physics step; see `DrivenPlant.step` and `StickingPlant.step`."""
+    """One physics step after `_dynamics`; see `DrivenPlant.step` and `StickingPlant.step`."""
     joints, rows, h = plant.joints, space.rows, plant.numbers[H]
     pending, n = moving.pending, len(moving.v)
-    _dynamics(plant, space, moving)
     for j in range(n):
         sent = pending[0, j] if len(pending) else tau[j]
         mean, moving.torque[j] = lagged(moving.torque[j], sent, joints[DECAY, j], joints[MEAN, j])
