@@ -97,10 +97,10 @@ def test_phase_plane_draws_the_path_and_the_surface_it_ends_on(result: Simulatio
 
 
 def test_robustness_map_writes_every_figure_and_says_where_a_run_diverged() -> None:
-    errors = [[1e-3, 2e-3], [4e-3, np.inf], [np.nan, 8e-3]]
+    errors = [[1e-3, 0.02], [4.0, np.inf], [np.nan, 810.0]]
     figure = plotting.robustness_map([0, 1, 2], [10, 20], errors, labels=("kg", "k1", "rad"))
     texts = [text.get_text() for text in figure.axes[0].texts]
-    assert texts == ["1.0e-03", "2.0e-03", "4.0e-03", "diverged", "diverged", "8.0e-03"]
+    assert texts == ["1.0e-03", "0.02", "4", "diverged", "diverged", "810"]
 
 
 def test_robustness_map_refuses_figures_of_another_shape() -> None:

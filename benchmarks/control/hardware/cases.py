@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 import rbimpedance as rbi
 from benchmarks.arms import ARMS, Array, load
 from rbimpedance.simulation.plants.elasticity import enough_substeps
+from rbimpedance.trajectories import Trajectory, cosine, hold
 
 from .linear_laws import DT, TARGET
 
@@ -25,16 +27,14 @@ BITS = (17, 19, 24)
 USUAL: dict[str, Any] = {"torque_lag": 2e-3, "delay": 1, "ripple": 0.03, "stribeck": 0.2}
 
 
-def swing(arm: rbi.ArmModel, center: Array) -> Callable[[float], rbi.Reference]:
+def swing(arm: rbi.ArmModel, center: Array) -> Trajectory:
     """All joints swing by 0.2 rad about a posture; they begin beside it, at rest."""
-    omega, one = 2.0 * np.pi / PERIOD, AMPLITUDE * np.ones(arm.nv)
+    return cosine(arm, center=center, amplitude=AMPLITUDE, period=PERIOD, check_limits=False)
 
-    def motion(t: float) -> rbi.Reference:
-        c, s = np.cos(omega * t), np.sin(omega * t)
-        q = arm.raw_dynamics.integrate(center, c * one)
-        return rbi.Reference(q, -omega * s * one, -(omega**2) * c * one)
 
-    return motion
+@functools.cache
+def _loaded(name: str, rotor: float) -> rbi.ArmModel:
+    return load(name, rotor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class Case:
 
     def arm(self) -> rbi.ArmModel:
         """The arm as it is modelled, without friction."""
-        return load(self.name, self.rotor).with_friction(0.0, 0.0)
+        return _loaded(self.name, self.rotor).with_friction(0.0, 0.0)
 
     def plant(self) -> rbi.ArmModel:
         """Links 10 % heavier, the whole payload, friction."""
@@ -73,15 +73,13 @@ class Case:
             viscous=(0.0, VISCOUS),
         )
 
-    def motion(self) -> Callable[[float], rbi.Reference]:
+    def motion(self) -> Trajectory:
         """All joints swing by 0.2 rad about neutral, where the arm starts."""
         return swing(self.arm(), np.array(self.arm().neutral))
 
-    def still(self) -> Callable[[float], rbi.Reference]:
+    def still(self) -> Trajectory:
         """The arm stays at neutral."""
-        arm = self.arm()
-        held = rbi.Reference(np.array(arm.neutral), np.zeros(arm.nv), np.zeros(arm.nv))
-        return lambda _: held
+        return hold(self.arm(), np.array(self.arm().neutral), check_limits=False)
 
 
 def simulated(

@@ -24,8 +24,9 @@ def draw_map(name: str, found: Mapping[str, Any], folder: Path) -> Path:
         folder: Where to.
     """
     milli = 1e3 * np.array(found["lags"])
-    labels = "bits to a turn of the joint", f"lag of the torque [ms], {name}", "abs(e1) [rad]"
-    picture = figures.robustness_map(found["bits"], milli, found["errors"], labels=labels)
+    labels = "bits to a turn of the joint", "lag of the torque [ms]", f"abs(e1) of {name} [mrad]"
+    errors = 1e3 * np.array(found["errors"])
+    picture = figures.robustness_map(found["bits"], milli, errors, labels=labels)
     return figures.save(picture, folder / "hardware_map.png")
 
 

@@ -172,7 +172,7 @@ def _honest(rows: Rows) -> str:
 def draw(rows: Rows, path: Path) -> None:
     """Roughness of every run with the default gains, and the lag that each set of gains tolerates."""
     names = list(rows)
-    figure, (left, right) = plt.subplots(1, 2, figsize=(10.0, 4.2), layout="constrained")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(10.0, 4.2))
     kinds = {
         "perfect": [_default(row)["rigid"] for row in rows.values()],
         "lag 1.5 ms": [_default(row)["alone"]["lag"] for row in rows.values()],
@@ -200,5 +200,6 @@ def draw(rows: Rows, path: Path) -> None:
         axes.set_xticks(places, names)
         axes.grid(alpha=0.3)
         axes.legend(fontsize=7, ncols=3, loc="upper center", bbox_to_anchor=(0.5, -0.08))
+    figure.tight_layout(w_pad=3.0)
     figure.savefig(path, dpi=150)
     plt.close(figure)

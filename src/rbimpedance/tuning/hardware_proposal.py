@@ -218,8 +218,8 @@ def propose_for_hardware(
         samples = [loudest, *(each for each in samples if each is not loudest)]
     else:
         found = min(tried, key=lambda each: each.variation)
-        seen = [run.sample for run in found.runs]
-        left = [sample for sample in samples if sample not in seen]
+        ran = [run.sample for run in found.runs]
+        left = [each for each in samples if each not in ran]
         found = replace(found, runs=(*found.runs, *_runs(task, found, impedance, q0, left)))
     return _judged(found, accuracy)
 

@@ -9,6 +9,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 from numpy.typing import ArrayLike
 
 from ..._common.arrays import Array, per_joint, vector
@@ -145,19 +146,28 @@ def robustness_map(
     with mpl.rc_context(STYLE | {"axes.grid": False}):
         figure = NotebookFigure(figsize=(1.4 + 0.62 * len(right), 1.1 + 0.42 * len(down)))
         axes = figure.subplots()
-        shown = np.ma.masked_invalid(np.log10(np.maximum(figures, _FLOOR)))
-        picture = axes.imshow(shown, cmap="cividis_r", aspect="auto", origin="lower")
-        figure.colorbar(picture, ax=axes, label=f"log10 of {labels[2]}")
-        middle = (shown.max() + shown.min()) / 2.0
-        texts = np.array(
-            [[f"{x:.1e}" if np.isfinite(x) else "diverged" for x in r] for r in figures]
-        )
+        shown = np.ma.masked_invalid(np.maximum(figures, _FLOOR))
+        picture = axes.imshow(shown, cmap="cividis_r", norm="log", aspect="auto", origin="lower")
+        ticks = LogLocator(subs=(1.0, 2.0, 5.0) if shown.max() < 100.0 * shown.min() else (1.0,))
+        bar = figure.colorbar(picture, ax=axes, label=labels[2], ticks=ticks, format="%g")
+        bar.minorticks_off()
+        middle = np.sqrt(shown.max() * shown.min())
+        texts = np.array([[_in_short(x) for x in row] for row in figures])
         draw_cells(axes, texts, (shown > middle).filled(False), fontsize=6.0)
         axes.set_yticks(range(len(down)), [f"{x:g}" for x in down])
         axes.set_xticks(range(len(right)), [f"{x:g}" for x in right])
         axes.set_ylabel(labels[0])
         axes.set_xlabel(labels[1])
     return figure
+
+
+def _in_short(x: float) -> str:
+    """Two digits of a figure, without an exponent where it does without."""
+    if not np.isfinite(x):
+        return "diverged"
+    if 100.0 <= x < 1e4:
+        return f"{x:.0f}"
+    return f"{x:.2g}" if 0.01 <= x < 100.0 else f"{x:.1e}"
 
 
 def interaction_energy(result: SimulationResult, balance: EnergyBalance) -> Figure:
