@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import rbimpedance as rbi
+from rbimpedance.tuning import hardware_proposal
 from rbimpedance.tuning.hardware_bandwidths import (
     HardwareDemand,
     bandwidths,
@@ -118,6 +119,15 @@ def test_accuracy_beyond_the_hardware_is_refused_with_what_binds() -> None:
     assert found.remedies
     with pytest.raises(rbi.ParameterError, match="feasible"):
         found.controller()
+
+
+def test_promise_of_a_loud_proposal_rests_on_every_plant(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its softer ones end at the first plant that is too loud; the one that is returned does not."""
+    monkeypatch.setattr(hardware_proposal, "LOUDEST", 0.0)
+    monkeypatch.setattr(hardware_proposal, "_FLOOR", 0.0)
+    found = proposed(rbi.Hardware(**USUAL), duration=1.0)
+    assert found.feasible
+    assert len({id(run.sample) for run in found.runs}) == 3
 
 
 def test_springs_without_a_torque_sensor_are_refused_in_words() -> None:
