@@ -155,6 +155,43 @@ class LogError(RBImpedanceError, ValueError):
         return f"'{self.source}': {self.problem}; {self.remedy}"
 
 
+@dataclass(eq=False, repr=False)
+class UnsafeError(RBImpedanceError, ValueError):
+    """A robot is not driven, since something about the controller, the start or the model is not safe.
+
+    Attributes:
+        robot: Name of the robot.
+        reasons: What is wrong and what would be right, one sentence each.
+    """
+
+    robot: str
+    reasons: Sequence[str]
+
+    def __post_init__(self) -> None:
+        """Keep a tuple, whatever sequence is given."""
+        self.reasons = tuple(self.reasons)
+        super().__post_init__()
+
+    def __str__(self) -> str:
+        return f"{self.robot} is not driven: {'; '.join(self.reasons)}"
+
+
+@dataclass(eq=False, repr=False)
+class RobotError(RBImpedanceError, RuntimeError):
+    """A robot refuses, or has stopped by itself.
+
+    Attributes:
+        robot: Name of the robot.
+        reason: What it reports.
+    """
+
+    robot: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.robot}: {self.reason}"
+
+
 class VelocityLimitWarning(UserWarning):
     """A desired motion is faster than a joint's velocity limit."""
 

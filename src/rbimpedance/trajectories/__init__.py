@@ -1,12 +1,14 @@
 """References for the controller: a trajectory is a callable t -> `Reference`.
 
 `hold`, `cosine` and `waypoints` are formulas; `samples`, `from_csv` and `from_joint_trajectory` pass smoothly through
-given samples. All refuse positions outside the arm's limits. The room uses `robot` and what lies below it.
+given samples, a `ChunkReference` through chunks that arrive while it runs. All refuse positions outside the arm's
+limits. The room uses `robot` and what lies below it.
 """
 
 from __future__ import annotations
 
 from . import cartesian as cartesian
+from .chunks import ChunkReference as ChunkReference
 from .limits import amplitude_within_limits as amplitude_within_limits
 from .messages import from_csv as from_csv
 from .messages import from_joint_trajectory as from_joint_trajectory

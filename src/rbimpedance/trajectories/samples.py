@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +13,9 @@ from ..exceptions import DimensionError, NonFiniteError, ParameterError
 from ..robot.arm_model import ArmModel
 from .limits import check_positions, joint_positions, warn_of_speeds
 from .reference import Reference, Sampled, SampledTrajectory, integrate_each
+
+Ends: TypeAlias = Literal["clamped", "not-a-knot"]
+"""Whether a spline begins and ends at rest, or in the middle of a motion."""
 
 _BETWEEN = np.arange(8) / 8.0  # places in every interval where limits are checked
 
@@ -52,24 +55,47 @@ def samples(
     times = vector("t", t, None, "n").copy()
     if len(times) < 2:
         raise DimensionError("t", "at least two times", f"{len(times)}")
+    if a is not None and v is None:
+        raise ParameterError("a", "accelerations without velocities", "given together with v")
+    n = len(times)
+    start, travelled = _travelled(arm, times, q)
+    speeds = None if v is None else _rows("v", v, n, arm.nv)
+    rates = None if a is None else _rows("a", a, n, arm.nv)
+    trajectory = _Samples(arm, start, _spline(times, travelled, speeds, rates))
+    if check_limits:
+        trajectory.check_limits()
+    return trajectory
+
+
+def path_through(arm: ArmModel, t: Array, q: ArrayLike) -> SampledTrajectory:
+    """Return the cubic spline through samples in the middle of a motion: it neither begins nor ends at rest.
+
+    Args:
+        arm: The arm.
+        t: Times, at least two [s].
+        q: Configurations, shape (n, nq).
+
+    Raises:
+        DimensionError: Wrong shape or kind.
+        NonFiniteError: An input holds NaN or infinity.
+        ParameterError: Times that do not increase.
+    """
+    start, travelled = _travelled(arm, t, q)
+    return _Samples(arm, start, _spline(t, travelled, None, None, "not-a-knot"))
+
+
+def _travelled(arm: ArmModel, times: Array, q: ArrayLike) -> tuple[Array, Array]:
+    """The first configuration, and the way travelled from there at every time."""
     if not (np.diff(times) > 0.0).all():
         i = int(np.argmin(np.diff(times) > 0.0))
         words = f"strictly increasing; t[{i + 1}] = {times[i + 1]:g} follows t[{i}] = {times[i]:g}"
         raise ParameterError("t", f"{len(times)} times", words)
-    if a is not None and v is None:
-        raise ParameterError("a", "accelerations without velocities", "given together with v")
-    n = len(times)
     rows = [
-        arm.check_configuration(f"q[{i}]", row) for i, row in enumerate(_rows("q", q, n, arm.nq))
+        arm.check_configuration(f"q[{i}]", row)
+        for i, row in enumerate(_rows("q", q, len(times), arm.nq))
     ]
-    speeds = None if v is None else _rows("v", v, n, arm.nv)
-    rates = None if a is None else _rows("a", a, n, arm.nv)
     steps = [arm.raw_dynamics.difference(*pair) for pair in pairwise(rows)]
-    travelled = np.vstack([np.zeros(arm.nv), np.cumsum(steps, axis=0)])
-    trajectory = _Samples(arm, rows[0].copy(), _spline(times, travelled, speeds, rates))
-    if check_limits:
-        trajectory.check_limits()
-    return trajectory
+    return rows[0].copy(), np.vstack([np.zeros(arm.nv), np.cumsum(steps, axis=0)])
 
 
 class _Samples(Sampled):
@@ -98,12 +124,12 @@ class _Samples(Sampled):
         warn_of_speeds("samples", self._arm, np.abs(self._spline(fine, 1)).max(axis=0))
 
 
-def _spline(t: Array, x: Array, v: Array | None, a: Array | None) -> Any:
+def _spline(t: Array, x: Array, v: Array | None, a: Array | None, ends: Ends = "clamped") -> Any:
     """The piecewise polynomial through x, and v and a where they are given."""
     from scipy import interpolate  # noqa: PLC0415 (takes longer to load than the package itself)
 
     if v is None:
-        return interpolate.CubicSpline(t, x, bc_type="clamped")
+        return interpolate.CubicSpline(t, x, bc_type=ends)
     if a is None:
         a = _accelerations(t, x, v)
     bernstein = interpolate.BPoly.from_derivatives(t, np.stack([x, v, a], axis=1))
