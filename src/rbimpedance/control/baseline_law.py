@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from .._common.arrays import Array, positive_number, read_only
 from .._common.deprecation import renamed_arguments
 from .._common.frozen import set_fields
+from ..law.baseline_formulas import RESULTS, input_names
+from ..law.formulas import Formula, elementwise, gain_names
 from ..law.impedance import TargetFilter, TargetImpedance
 from ..robot.arm_model import ArmModel
-from ..robot.knowledge import Knowledge, as_knowledge
+from ..robot.knowledge import Knowledge, as_knowledge, model_torque
 from ..robot.pinocchio_dynamics import PinocchioDynamics
 from .errors import Tracking, track
 from .protocol import ControllerBase, Measured, StateT, checked_period
@@ -44,6 +46,11 @@ class BaselineTorque(NamedTuple):
     tau: Array
     s: Array
     u: Array
+
+
+ModelTorque: TypeAlias = Literal["inverse", "passive", "gravity"]
+"""Torque of the model that a law uses, for w and a from its formula: RNEA(q, v, a); M a + C(q, v) w + g + friction(v),
+which cancels nothing; or g(q)."""
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -85,21 +92,6 @@ class Baseline(ControllerBase[StateT, ControllerOutput]):
         e1, e2, e3 = output.e1, output.e2, output.a_r - a
         return self._filter.error(e1, e2, e3, output.q_e, output.v_e)
 
-    def _passive_torque(self, q: Array, v: Array, v_ref: Array, a_ref: Array) -> Array:
-        """M a_ref + C(q, v) v_ref + g + friction(v), or M a_ref where only M is known."""
-        dynamics = self.arm.raw_dynamics
-        torque: Array = dynamics.mass_matrix(q) @ a_ref
-        if self.model == "inertia":
-            return torque
-        gravity = dynamics.bias(q, np.zeros_like(v))
-        return torque + coriolis_torque(dynamics, q, v, v_ref) + gravity + dynamics.friction(v)
-
-    def _spring_damper(self, tick: Tracking) -> Array:
-        """D_d(v_d - v) + K_d(q_d - q), or what takes their place in a nonlinear target."""
-        q_d, v_d, _ = tick.desired
-        position = self.arm.raw_dynamics.difference(tick.q, q_d)
-        return self._filter.restoring_torque(position, v_d - tick.v)
-
     def _filter_at_rest(self) -> BaselineState:
         zero = read_only(np.zeros(self.arm.nv))
         return BaselineState(zero, zero, zero, zero, zero)
@@ -125,17 +117,71 @@ class Baseline(ControllerBase[StateT, ControllerOutput]):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class MemorylessBaseline(Baseline[BaselineState]):
-    """A control law that remembers nothing but the impedance filter; children give `_law`."""
+class FormulaBaseline(Baseline[StateT]):
+    """A baseline whose law is one formula for every joint, and a torque of the model.
+
+    Attributes:
+        formula: One of `law.baseline_formulas`; its gains are attributes of the controller.
+        model_torque: Which torque of the model.
+        cancels_contact: Whether tau_ext is subtracted.
+    """
+
+    formula: ClassVar[Formula]
+    model_torque: ClassVar[ModelTorque] = "inverse"
+    cancels_contact: ClassVar[bool] = True
+
+    @property
+    def gains(self) -> dict[str, Array]:
+        """Gains of the formula by name, in its order."""
+        return {name: getattr(self, name) for name in gain_names(self.formula)}
+
+    def _law(self, tick: Tracking, integral: Array | None = None) -> tuple[BaselineTorque, Array]:
+        """The control law, and the next integral."""
+        inputs = [self._input(name, tick, integral) for name in input_names(self.formula)]
+        given = elementwise(self.formula, RESULTS, *inputs, self.dt, *self.gains.values())
+        w, a, torque, s, u, following = (np.broadcast_to(x, tick.v.shape).copy() for x in given)
+        tau = self._torque_of_model(tick, w, a) + torque
+        if self.cancels_contact:
+            tau = tau - tick.tau_ext
+        return BaselineTorque(tau, s, u), following
+
+    def _input(self, name: str, tick: Tracking, integral: Array | None) -> Array:
+        """A quantity of the tick by its name; see `law.baseline_formulas.INPUTS`."""
+        q_d, v_d, a_d = tick.desired
+        difference = self.arm.raw_dynamics.difference
+        quantities: dict[str, Callable[[], Array]] = {
+            "integral": lambda: np.zeros(self.arm.nv) if integral is None else integral,
+            "v_d": lambda: v_d,
+            "a_d": lambda: a_d,
+            "restoring": lambda: self._filter.restoring_torque(
+                difference(tick.q, q_d), v_d - tick.v
+            ),
+            "yielding": lambda: self._filter.acceleration(
+                difference(q_d, tick.q), tick.v - v_d, tick.tau_ext
+            ),
+        }
+        return quantities[name]() if name in quantities else getattr(tick, name)
+
+    def _torque_of_model(self, tick: Tracking, w: Array, a: Array) -> Array:
+        """Torque of the model for a velocity w and an acceleration a, or M a where only M is known."""
+        dynamics, q, v = self.arm.raw_dynamics, tick.q, tick.v
+        if self.model_torque == "inverse" or self.model == "inertia":
+            return model_torque(self.arm, self.model, q, v, a)
+        gravity = dynamics.bias(q, np.zeros_like(v))
+        if self.model_torque == "gravity":
+            return gravity
+        inertial = dynamics.mass_matrix(q) @ a
+        return inertial + coriolis_torque(dynamics, q, v, w) + gravity + dynamics.friction(v)
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class MemorylessBaseline(FormulaBaseline[BaselineState]):
+    """A control law that remembers nothing but the impedance filter."""
 
     @property
     def limits(self) -> None:
         """None: these baselines keep no torque limits."""
         return None
-
-    @abstractmethod
-    def _law(self, tick: Tracking) -> BaselineTorque:
-        """The control law."""
 
     def init(self) -> BaselineState:
         """Return the state before the first tick: filter at rest."""
@@ -146,7 +192,8 @@ class MemorylessBaseline(Baseline[BaselineState]):
     ) -> tuple[ControllerOutput, BaselineState]:
         q_e, v_e = state.q_e, state.v_e
         tick = track(self.arm, self._filter, q_e, v_e, given)
-        output = baseline_output(tick, self._law(tick), q_e, v_e)
+        answer, _ = self._law(tick)
+        output = baseline_output(tick, answer, q_e, v_e)
         return output, self._filter_after(state, tick.tau_ext)
 
     def _elapsed(self, state: BaselineState, period: float) -> BaselineState:

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, choice, positive
@@ -19,19 +18,26 @@ from .._common.brief import brief_repr
 from .._common.deprecation import renamed_arguments
 from .._common.frozen import set_fields
 from ..exceptions import ParameterError
+from ..law import baseline_formulas as formulas
+from ..law.formulas import Formula
 from ..law.impedance import TargetImpedance
 from ..robot.arm_model import ArmModel
-from ..robot.knowledge import Knowledge, model_torque
-from .baseline_law import BaselineTorque, MemorylessBaseline
+from ..robot.knowledge import Knowledge
+from .baseline_law import MemorylessBaseline
 from .cartesian_baselines import CartesianHogan as CartesianHogan  # noqa: PLC0414 (part of this module's interface)
 from .cartesian_baselines import CartesianPD as CartesianPD  # noqa: PLC0414 (part of this module's interface)
 from .cartesian_baselines import CartesianPID as CartesianPID  # noqa: PLC0414 (part of this module's interface)
 from .cartesian_baselines import OperationalSpace as OperationalSpace  # noqa: PLC0414 (part of this module's interface)
-from .errors import Tracking
 from .pid import PIDImpedance as PIDImpedance  # noqa: PLC0414 (part of this module's interface)
 
 Smoothing: TypeAlias = Literal["sign", "boundary-layer", "dead-zone"]
 """What a first-order sliding mode switches with."""
+
+_SWITCHES: dict[Smoothing, Formula] = {
+    "sign": formulas.switch,
+    "boundary-layer": formulas.boundary_layer,
+    "dead-zone": formulas.dead_zone,
+}
 
 
 @brief_repr()
@@ -59,12 +65,7 @@ class ComputedTorqueImpedance(MemorylessBaseline):
         Systems, Measurement, and Control 107, 1985.
     """
 
-    def _law(self, tick: Tracking) -> BaselineTorque:
-        q_d, v_d, a_d = tick.desired
-        deviation = self.arm.raw_dynamics.difference(q_d, tick.q)
-        a = a_d + self._filter.acceleration(deviation, tick.v - v_d, tick.tau_ext)  # eq. (2)
-        tau = model_torque(self.arm, self.model, tick.q, tick.v, a) - tick.tau_ext
-        return BaselineTorque(tau, np.zeros_like(a), a - tick.a_r)
+    formula = staticmethod(formulas.computed_torque)
 
 
 @brief_repr()
@@ -89,12 +90,9 @@ class PDGravity(MemorylessBaseline):
         DimensionError: A gain is given for another number of joints.
     """
 
-    def _law(self, tick: Tracking) -> BaselineTorque:
-        zero = np.zeros_like(tick.v)
-        tau = self._spring_damper(tick)
-        if self.model == "full":
-            tau = tau + self.arm.raw_dynamics.bias(tick.q, zero)
-        return BaselineTorque(tau, zero, zero.copy())
+    formula = staticmethod(formulas.pd_gravity)
+    model_torque = "gravity"
+    cancels_contact = False
 
 
 @brief_repr()
@@ -112,11 +110,9 @@ class PDPlus(MemorylessBaseline):
         International Journal of Control 47, 1988.
     """
 
-    def _law(self, tick: Tracking) -> BaselineTorque:
-        zero = np.zeros_like(tick.v)
-        _, v_d, a_d = tick.desired
-        feedforward = self._passive_torque(tick.q, tick.v, v_d, a_d)
-        return BaselineTorque(feedforward + self._spring_damper(tick), zero, zero.copy())
+    formula = staticmethod(formulas.pd_plus)
+    model_torque = "passive"
+    cancels_contact = False
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -198,22 +194,10 @@ class FirstOrderSlidingMode(_Sliding):
         width = None if width is None else positive("width", width, arm.nv)
         set_fields(self, smoothing=smoothing, width=width)
 
-    def _law(self, tick: Tracking) -> BaselineTorque:
-        rate = self.surface_rate
-        s = tick.e2 + rate * tick.e1
-        u = self.gain * self._switch(s)
-        tau = (
-            model_torque(self.arm, self.model, tick.q, tick.v, tick.a_r + rate * tick.e2 + u)
-            - tick.tau_ext
-        )
-        return BaselineTorque(tau, s, u)
-
-    def _switch(self, s: Array) -> Array:
-        if self.width is None:
-            return np.sign(s)
-        if self.smoothing == "boundary-layer":
-            return np.clip(s / self.width, -1.0, 1.0)
-        return np.where(np.abs(s) > self.width, np.sign(s), 0.0)
+    @property
+    def formula(self) -> Formula:  # type: ignore[override]
+        """The law for one joint."""
+        return _SWITCHES[self.smoothing]
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -238,9 +222,5 @@ class SlotineLi(_Sliding):
         of Robotics Research 6, 1987.
     """
 
-    def _law(self, tick: Tracking) -> BaselineTorque:
-        v_s = tick.v_r + self.surface_rate * tick.e1
-        a_s = tick.a_r + self.surface_rate * tick.e2
-        s = v_s - tick.v
-        tau = self._passive_torque(tick.q, tick.v, v_s, a_s) + self.gain * s - tick.tau_ext
-        return BaselineTorque(tau, s, np.zeros_like(s))
+    formula = staticmethod(formulas.slotine_li)
+    model_torque = "passive"

@@ -10,11 +10,12 @@ from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, positive
 from .._common.frozen import set_fields
+from ..law import baseline_formulas as formulas
 from ..law.impedance import TargetImpedance
 from ..law.limits import Limits, as_limits
 from ..robot.arm_model import ArmModel
-from ..robot.knowledge import Knowledge, model_torque
-from .baseline_law import Baseline, BaselineState, BaselineTorque, baseline_output
+from ..robot.knowledge import Knowledge
+from .baseline_law import BaselineState, FormulaBaseline, baseline_output
 from .errors import track
 from .protocol import Measured, checked_period
 from .telemetry import ControllerOutput, Situation
@@ -39,7 +40,7 @@ class PIDState(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class PIDImpedance(Baseline[PIDState]):
+class PIDImpedance(FormulaBaseline[PIDState]):
     """Computed torque with a PID around the impedance reference q_r: the linear counterpart of our law.
 
         tau = RNEA(q, v, a_r + u) - tau_ext,    u = k_p·e1 + k_d·e2 + k_i·∫e1 dt
@@ -63,6 +64,7 @@ class PIDImpedance(Baseline[PIDState]):
         DimensionError: A number is given for another number of joints.
     """
 
+    formula = staticmethod(formulas.pid)
     bandwidth: Array
     limits: Limits | None
     _gains: tuple[Array, Array, Array]
@@ -82,6 +84,11 @@ class PIDImpedance(Baseline[PIDState]):
         bandwidth = positive("bandwidth", bandwidth, arm.nv)
         set_fields(self, bandwidth=bandwidth, limits=limits, _gains=pid_gains(bandwidth, self.dt))
 
+    @property
+    def gains(self) -> dict[str, Array]:
+        """k_p, k_d and k_i."""
+        return dict(zip(("k_p", "k_d", "k_i"), self._gains, strict=True))
+
     def init(self) -> PIDState:
         """Return the state before the first tick: filter at rest, integral zero."""
         at_rest = self._filter_at_rest()
@@ -90,22 +97,22 @@ class PIDImpedance(Baseline[PIDState]):
     def _step(self, state: PIDState, given: Measured) -> tuple[ControllerOutput, PIDState]:
         q_e, v_e, integral = state.filter.q_e, state.filter.v_e, state.integral
         tick = track(self.arm, self._filter, q_e, v_e, given)
-        k_p, k_d, k_i = self._gains
-        u = k_p * tick.e1 + k_d * tick.e2 + k_i * integral
-        tau = model_torque(self.arm, self.model, tick.q, tick.v, tick.a_r + u) - tick.tau_ext
+        answer, grown = self._law(tick, integral)
         allocation = (self.limits or Limits()).allocate(
-            tau,
+            answer.tau,
             lambda: self.arm.raw_dynamics.mass_matrix(tick.q),
             before=state.tau if state.ticks else None,
             dt=self.dt,
         )
         deficit = allocation.acceleration_deficit
         grows = deficit * tick.e1 <= 0.0  # clamping: not towards what the limit refuses
-        answer = BaselineTorque(allocation.tau, np.zeros_like(u), u - deficit)
         output = baseline_output(tick, answer, q_e, v_e)._replace(
-            saturated=allocation.saturated, rate_limited=allocation.rate_limited
+            tau=allocation.tau,
+            u=answer.u - deficit,
+            saturated=allocation.saturated,
+            rate_limited=allocation.rate_limited,
         )
-        following = integral + self.dt * np.where(grows, tick.e1, 0.0)
+        following = np.where(grows, grown, integral)
         filtered = self._filter_after(state.filter, tick.tau_ext)
         tau = output.tau.copy()
         return output, PIDState(state.ticks + 1, filtered, following, integral, tau)

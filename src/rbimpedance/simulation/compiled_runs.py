@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from .._numba import warn_once
 from ..control.backends import is_available
+from ..control.baseline_law import FormulaBaseline
 from ..control.controller import ImpedanceController
 from ..control.errors import check_measurements
 from ..control.protocol import Measured
@@ -191,10 +192,12 @@ def reason_against(loop: ClosedLoop) -> str | None:
     """Return the name of a part of a loop without a compiled form, or None; arms are checked by the tables."""
     if loop.engine is not None:
         return f"its {type(loop.engine).__name__}"
-    for part, kind in ((loop.controller, ImpedanceController), (loop.sensor, Perfect)):
-        if type(part) is not kind:
-            inside = part.controller if isinstance(part, ToolView) else part
-            return f"its {type(inside).__name__}"
+    controller = loop.controller
+    if not (type(controller) is ImpedanceController or isinstance(controller, FormulaBaseline)):
+        inside = controller.controller if isinstance(controller, ToolView) else controller
+        return f"its {type(inside).__name__}"
+    if type(loop.sensor) is not Perfect:
+        return f"its {type(loop.sensor).__name__}"
     from .compiled.world import reason_against_parts  # noqa: PLC0415
 
     return reason_against_parts(loop.controller, loop.environment)
@@ -213,13 +216,18 @@ def new_world(loop: ClosedLoop, controller: Controlled, plant: ArmTables) -> Wor
         InputError: The environment does not fit the arm.
         ModelError: It acts at a frame that the arm does not have.
     """
+    from ..control.compiled.baseline_tick import restoring_table  # noqa: PLC0415
     from .compiled.world import Settings, World  # noqa: PLC0415
 
+    is_baseline = isinstance(loop.controller, FormulaBaseline)
     loop.environment.torque(loop.plant, 0.0, loop.q, loop.v)  # refuses what does not fit the arm
     integrator: Any = "stiff" if loop.friction_is_stiff() else loop.integrator
     settings = Settings(loop.ticks, loop.substeps, integrator, SPEED_BOUND)
     q, v = loop.q.copy(), loop.v.copy()
-    return World(controller, loop.plant, plant, loop.environment, q, v, settings, loop.stops)
+    return World(
+        *(controller, loop.plant, plant, loop.environment, q, v, settings, loop.stops),
+        restoring_table(loop.controller) if is_baseline else None,
+    )
 
 
 def check_inputs(loop: ClosedLoop, world: World, reference: Reference, i: int) -> None:

@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, choice, positive_number, vector, whole_number
 from .._common.deprecation import renamed_arguments, warn_renamed
+from ..control.backends import is_available
+from ..control.baseline_law import FormulaBaseline
 from ..control.cartesian_base import CartesianControllerBase
 from ..control.controller import ImpedanceController
 from ..control.encoders import QuantizedEncoders
@@ -25,7 +27,7 @@ from ..trajectories import Trajectory
 from ..trajectories.cartesian import CartesianTrajectory
 from .checkpoint import Checkpoint
 from .closed_loop import ClosedLoop, OnTick, run
-from .compiled_runs import run_around_pinocchio, run_compiled
+from .compiled_runs import reason_against, run_around_pinocchio, run_compiled
 from .driven_runs import run_driven
 from .joint_stops import JointStops
 from .plants import DrivenPlant, Plant
@@ -168,9 +170,13 @@ def on_hardware(
 
 
 def _backend(loop: ClosedLoop) -> Backend:
-    """Who computes a loop: the controller says it; Python does where that is no `ImpedanceController` itself."""
+    """Who computes a loop: the controller says it; compiled code a baseline where it can, Python all others."""
     controller = loop.controller
-    return controller.backend if isinstance(controller, ImpedanceController) else "numpy"
+    if isinstance(controller, ImpedanceController):
+        return controller.backend
+    if isinstance(controller, FormulaBaseline) and is_available("rollout"):
+        return "numpy" if reason_against(loop) else "compiled"
+    return "numpy"
 
 
 def closed_loop(

@@ -12,6 +12,7 @@ from ..._numba.compile import inline
 from ..._numba.formulas import compiled_loop, helper
 from ..._numba.lanes import WIDTH
 from ..._numba.layouts.lane_arrays import lane_column, lane_matrix
+from ...law.baseline_formulas import RESULTS, input_names
 from ...law.formulas import Formula, gain_names
 from ...law.super_twisting import FormulaReaching, SuperTwisting
 
@@ -45,6 +46,29 @@ def reaching_address(formula: Formula, in_lanes: bool = False) -> int:
         in_lanes: See `surface_address`.
     """
     return int(_reaching(formula, in_lanes).address)
+
+
+def baseline_address(formula: Formula) -> int:
+    """Return the address of a baseline's loop: what its formula takes to what it gives, a row for each.
+
+    Args:
+        formula: One of `law.baseline_formulas`.
+    """
+    return int(_baseline(formula).address)
+
+
+@functools.cache
+def _baseline(formula: Formula) -> Any:
+    joint, count, matrix, column = _parts(formula, in_lanes=False)
+    taken = len(input_names(formula))
+
+    def loop(n: int, given: Any, dt: float, gains: Any, results: Any) -> None:
+        m, own, r = matrix(given, taken, n), matrix(gains, count, n), matrix(results, RESULTS, n)
+        for j in range(m.shape[1]):
+            numbers = joint(*column(m, j, taken), dt, *column(own, j, count))
+            r[0, j], r[1, j], r[2, j], r[3, j], r[4, j], r[5, j] = numbers
+
+    return compiled_loop(loop, formula, "joint by joint")
 
 
 @functools.cache

@@ -66,7 +66,7 @@ def pack_law(law: ControlLaw) -> LawTables:
     gains, choices = sliding.gains, sliding.choices
     if limits is not None:
         gains[:, at.EFFORT], gains[:, at.TORQUE_STEP] = limits.effort, limits.rate * law.dt
-    choices[0, at.FILTER], table = _pack_filter(law.filter, nv)
+    choices[0, at.FILTER], table = pack_filter(law.filter, nv)
     choices[0, at.KNOWLEDGE] = at.FULL if law.model == "full" else at.MASS_ONLY
     return sliding._replace(filter=table)
 
@@ -116,7 +116,8 @@ def _within_bound(surface: Surface) -> Any:
     return surface.surface if type(surface) is BoundedSurface else surface
 
 
-def _pack_filter(impedance_filter: TargetFilter, nv: int) -> tuple[int, Array]:
+def pack_filter(impedance_filter: TargetFilter, nv: int) -> tuple[int, Array]:
+    """Return the kind and the table of a target's filter for nv joints."""
     if type(impedance_filter) is not ImpedanceFilter:
         return at.GIVEN, np.zeros((0, 0))
     maps = impedance_filter.maps().reshape(3, nv, 3, nv)

@@ -166,7 +166,7 @@ def before_torque(
         given: Sound measurements.
         block: Block of this tick; with a filter that is given, it holds a_e and the next q_e and v_e.
     """
-    is_clipped = _follow(arm, law, scratch, state, given, block)  # eqs. (3), (4)
+    is_clipped = follow(arm, law, scratch, state, given, block)  # eqs. (3), (4)
     surface(law, scratch, block, is_clipped)  # eqs. (6), (7)
     reaching(law, scratch, any_of(state[0, TICKS] == 0.0))
     joints = scratch.joints
@@ -179,7 +179,7 @@ def before_torque(
 
 
 @inline
-def _follow(
+def follow(
     arm: ArmTables, law: LawTables, scratch: Scratch, state: Array, given: TickInputs, block: Array
 ) -> bool:
     """Write impedance reference, errors and memory of the reaching law; whether the surface sees all of e1."""

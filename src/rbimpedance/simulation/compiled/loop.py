@@ -19,6 +19,7 @@ from ..._numba.compile import fused, kernel
 from ..._numba.layouts.arrays import Borrowed
 from ..._numba.layouts.lane_arrays import LaneArray, LaneNumbers
 from ..._numba.layouts.tables import Held, opened
+from ..._numba.parts import call_part
 from ...control.compiled.block import A_R, TAU
 from ...control.compiled.law import LawTables, Scratch, TickInputs
 from ...control.compiled.tick import whole_tick
@@ -47,6 +48,7 @@ SEMI_IMPLICIT, STIFF, RUNGE_KUTTA = 0, 1, 2
 
 # Entries of `Clock.ticks`.
 FIRST, END, LAST, SUBSTEPS, INTEGRATOR = 0, 1, 2, 3, 4
+LAW_PART, LAW_WORDS = 5, 6
 
 # Entries of `Clock.outcome`.
 TICK, JOINT = 0, 1
@@ -122,7 +124,8 @@ class Clock(NamedTuple):
     """Which ticks to do, and how.
 
     Attributes:
-        ticks: First tick, end of the block, last tick of the run, physics steps in a period, integrator; shape (5,).
+        ticks: First tick, end of the block, last tick of the run, physics steps in a period, integrator; addresses of
+            the part that does the tick and of its words, 0 for the impedance law; shape (7,).
         step: Length of a physics step [s], and the speed at which a joint has diverged, shape (2,).
         outcome: Tick and joint at which the block ended early, shape (2,).
     """
@@ -154,7 +157,7 @@ def _rollout(
         block = memory.odd if is_even else memory.even
         take_reference(wish, k - ticks[FIRST], desk)
         update_tau_ext(plant, desk.plant, environment, row, motion.q, motion)
-        if not _control(controlled, desk, motion, state, block):
+        if not _control(controlled, desk, motion, clock, k, state, block):
             clock.outcome[TICK] = k
             return UNSOUND
         update_acceleration(plant, desk.plant, motion)
@@ -182,9 +185,17 @@ def take_reference(wish: ReferenceSamples, i: int, desk: LoopWorkspace) -> None:
 
 @fused
 def _control(
-    controlled: Controlled, desk: LoopWorkspace, motion: PlantMotion, state: Array, block: Array
+    controlled: Controlled,
+    desk: LoopWorkspace,
+    motion: PlantMotion,
+    clock: Clock,
+    k: int,
+    state: Array,
+    block: Array,
 ) -> bool:
     """Do a tick of the controller, and hand its torque to the plant; False for inputs that are not sound."""
+    if clock.ticks[LAW_PART] != 0:
+        return call_part(clock.ticks[LAW_PART], clock.ticks[LAW_WORDS], k) != 0  # type: ignore[no-any-return]
     given = TickInputs(motion.q, motion.v, desk.q_d, desk.v_d, desk.a_d, motion.tau_ext)
     arm, law, space, work = controlled.arm, controlled.law, desk.control, desk.scratch
     if not whole_tick(arm, law, space, work, state, given, block):

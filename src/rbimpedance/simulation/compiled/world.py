@@ -7,8 +7,11 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from ..._common.arrays import Array
+from ..._numba.layouts.tables import hold
+from ...control.baseline_law import FormulaBaseline
+from ...control.compiled import baseline_tick
 from ...control.compiled.block import COLUMNS
-from ...control.compiled.law import DT
+from ...control.compiled.law import DT, TickInputs
 from ...control.compiled.pack import can_pack, pack_law, scratch
 from ...interaction import Interaction
 from ...law.impedance import ImpedanceFilter
@@ -112,6 +115,7 @@ class World:
         v: Velocity, shape (nv,); taken over.
         settings: How the plant is stepped.
         stops: Stops of its joints; None for none.
+        restoring: For a baseline, its `restoring_table`.
 
     Raises:
         ModelError: The environment acts at a frame that the arm does not have.
@@ -127,6 +131,7 @@ class World:
         v: Array,
         settings: Settings,
         stops: JointStops | None = None,
+        restoring: Array | None = None,
     ) -> None:
         nv = plant.nv
         self.controlled = controlled
@@ -136,6 +141,7 @@ class World:
         motion = PlantMotion(q, v, *np.zeros((3, nv)))
         self.memory = Memory(motion, np.zeros((nv, COLUMNS)), np.zeros((nv, COLUMNS)))
         self.settings, self.dt = settings, float(controlled.law.gains[0, DT])
+        self.restoring = restoring
 
     def times(self, block: range) -> Array:
         """Return the times in a block at which the plant asks what pushes on it."""
@@ -148,12 +154,37 @@ class World:
             times = times[: 1 + (len(block) - 1) * len(times) // len(block)]
         return times
 
-    def clock(self, block: range) -> Clock:
+    @property
+    def has_own_tick(self) -> bool:
+        """Whether the tick is that of a baseline."""
+        return self.restoring is not None
+
+    def own_tick(self, desk: LoopWorkspace) -> tuple[int, Any]:
+        """Return the address of a baseline's tick, and its words; 0 and no words for the impedance law."""
+        if self.restoring is None:
+            return 0, np.zeros(1)
+        arm, own, _ = self.controlled
+        motion = self.memory.motion
+        given = TickInputs(motion.q, motion.v, desk.q_d, desk.v_d, desk.a_d, motion.tau_ext)
+        words = hold(
+            baseline_tick.BaselineWords(
+                *(arm, own, self.restoring, desk.control, baseline_tick.scratch_of(len(motion.v))),
+                *(self.memory.even, self.memory.odd, given, motion.tau),
+            )
+        )
+        return int(baseline_tick.baseline_part().address), words
+
+    def clock(self, block: range, own_tick: tuple[int, Any] = (0, np.zeros(1))) -> Clock:
         """Return what a kernel needs to know of the ticks of a block."""
         settings = self.settings
         integrator = _INTEGRATORS[settings.integrator]
         return Clock(
-            np.array([block.start, block.stop, settings.ticks, settings.substeps, integrator]),
+            np.array(
+                [
+                    *(block.start, block.stop, settings.ticks, settings.substeps, integrator),
+                    *(own_tick[0], own_tick[1].ctypes.data),
+                ]
+            ),
             np.array([self.dt / settings.substeps, settings.speed_bound]),
             np.zeros(2, dtype=np.int64),
         )
@@ -168,7 +199,8 @@ class World:
 
     def run(self, block: Block) -> Outcome:
         """Do a block of ticks, without the interpreter's lock."""
-        clock = self.clock(block.ticks)
+        own_tick = self.own_tick(block.desk)  # its words have to live as long as the call
+        clock = self.clock(block.ticks, own_tick)
         arguments = (
             self.controlled, self.plant, self.surroundings.driven(block.drive), ReferenceSamples(*block.reference),
             self.memory, block.desk, clock, block.journal, block.figures or no_figures(),
@@ -185,12 +217,15 @@ def _stop_table(stops: JointStops | None) -> Array:
 
 
 def controlled(controller: Any, tables: ArmTables) -> Controlled:
-    """Return an `ImpedanceController` as tables.
+    """Return an `ImpedanceController` or a baseline as tables.
 
     Args:
         controller: One that `reason_against_parts` has nothing against.
         tables: Those of its arm.
     """
+    if isinstance(controller, FormulaBaseline):
+        own = baseline_tick.pack_baseline(controller)
+        return Controlled(tables, own, _target(controller._filter))  # type: ignore[arg-type]
     return Controlled(tables, pack_law(controller._law), _target(controller._filter))
 
 
@@ -214,6 +249,9 @@ def reason_against_parts(controller: Any, interaction: Interaction) -> str | Non
     """Return the name of a part without a compiled form, or None."""
     if not can_sample(interaction):
         return f"an interaction of the user's own ({type(interaction).__name__})"
+    if isinstance(controller, FormulaBaseline):
+        has_form = baseline_tick.has_compiled_tick(controller)
+        return None if has_form else f"its {type(controller).__name__} with limits or such a target"
     if type(controller._filter) is not ImpedanceFilter:
         return f"a target that is not linear ({type(controller.impedance).__name__})"
     if not can_pack(controller.surface, controller.reaching):
