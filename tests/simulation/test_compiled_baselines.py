@@ -106,3 +106,16 @@ def test_state_that_is_not_finite_is_refused_with_its_name() -> None:
 
     with pytest.raises(rbi.NonFiniteError, match=r"reference\.v"):
         rbi.simulate(controller, ARM, motion, q0=ARM.neutral, duration=0.1)
+
+
+class Weak(baselines.PDGravity):
+    """A law of a user's own, which a formula of this library does not describe."""
+
+    def _law(self, tick: Any, integral: Any = None) -> Any:
+        answer, after = super()._law(tick, integral)
+        return answer._replace(tau=0.0 * answer.tau), after
+
+
+def test_a_subclass_runs_as_it_is_written() -> None:
+    result = rbi.simulate(Weak(ARM, DIAGONAL, DT), ARM.copy(), cosine(ARM), duration=0.02)
+    assert not result.tau.any()

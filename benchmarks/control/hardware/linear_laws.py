@@ -38,12 +38,12 @@ class PDAroundReference(MemorylessBaseline):
         super().__init__(arm, TARGET, DT)
         object.__setattr__(self, "bandwidth", bandwidth)
 
-    def _law(self, tick: Tracking) -> BaselineTorque:
+    def _law(self, tick: Tracking, integral: Array | None = None) -> tuple[BaselineTorque, Array]:
         dynamics, omega, zero = self.arm.raw_dynamics, self.bandwidth, np.zeros_like(tick.v)
         m = 1.0 / np.diag(dynamics.inverse_mass_matrix(tick.q))
         u = omega * omega * tick.e1 + 2.0 * omega * tick.e2
         tau = dynamics.bias(tick.q, zero) + m * u - tick.tau_ext
-        return BaselineTorque(tau, zero, u)
+        return BaselineTorque(tau, zero, u), zero
 
 
 class ObserverPDState(NamedTuple):

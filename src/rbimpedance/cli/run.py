@@ -115,7 +115,7 @@ def run(
     with naming_joints(task.arm):
         given = law.controller(task)
     say_grave_notes(task.arm)
-    if unknown.is_nothing() and not output.silent:
+    if task.unknown.is_nothing() and not output.silent:
         tell(
             "nothing is unknown: the simulated arm is the model (--payload, --coulomb and others change that)"
         )

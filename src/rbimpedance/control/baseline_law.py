@@ -135,6 +135,11 @@ class FormulaBaseline(Baseline[StateT]):
         """Gains of the formula by name, in its order."""
         return {name: getattr(self, name) for name in gain_names(self.formula)}
 
+    @property
+    def has_compiled_form(self) -> bool:
+        """Whether compiled code knows this law; not that of a user's own class, which may replace any part of it."""
+        return type(self).__module__.rpartition(".")[0] == __package__
+
     def _law(self, tick: Tracking, integral: Array | None = None) -> tuple[BaselineTorque, Array]:
         """The control law, and the next integral."""
         inputs = [self._input(name, tick, integral) for name in input_names(self.formula)]

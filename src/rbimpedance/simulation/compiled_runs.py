@@ -193,7 +193,10 @@ def reason_against(loop: ClosedLoop) -> str | None:
     if loop.engine is not None:
         return f"its {type(loop.engine).__name__}"
     controller = loop.controller
-    if not (type(controller) is ImpedanceController or isinstance(controller, FormulaBaseline)):
+    if not (
+        type(controller) is ImpedanceController
+        or (isinstance(controller, FormulaBaseline) and controller.has_compiled_form)
+    ):
         inside = controller.controller if isinstance(controller, ToolView) else controller
         return f"its {type(inside).__name__}"
     if type(loop.sensor) is not Perfect:
