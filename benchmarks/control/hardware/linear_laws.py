@@ -39,6 +39,7 @@ class PDAroundReference(MemorylessBaseline):
         object.__setattr__(self, "bandwidth", bandwidth)
 
     def _law(self, tick: Tracking, integral: Array | None = None) -> tuple[BaselineTorque, Array]:
+        del integral
         dynamics, omega, zero = self.arm.raw_dynamics, self.bandwidth, np.zeros_like(tick.v)
         m = 1.0 / np.diag(dynamics.inverse_mass_matrix(tick.q))
         u = omega * omega * tick.e1 + 2.0 * omega * tick.e2
