@@ -74,20 +74,11 @@ class BoundedSurface(SurfaceByTerms):
         return s, feedforward, zoh_gain
 
     def sliding_time(self, e1: ArrayLike) -> Array:
-        """Time on s = 0 until e1 has settled: at constant speed to the bound, then the surface's own [s].
-
-        Args:
-            e1: Position error when sliding begins [rad or m].
-        """
+        """Time on s = 0 until e1 has settled: at constant speed to the bound, then the surface's own [s]."""
         return self._approach(self.max_error, e1) + self.surface.sliding_time(self._seen(e1))
 
     def time_to(self, tolerance: float, e1: ArrayLike) -> Array:
-        """Time on s = 0 until abs(e1) is at the tolerance [s].
-
-        Args:
-            tolerance: Error to fall to, positive [rad or m].
-            e1: Position error when sliding begins [rad or m].
-        """
+        """Time on s = 0 until abs(e1) is at the tolerance [s]."""
         end = np.maximum(self.max_error, tolerance)
         return self._approach(end, e1) + self.surface.time_to(tolerance, self._seen(e1))
 

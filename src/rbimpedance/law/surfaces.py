@@ -98,7 +98,7 @@ def nonsingular_terminal_formula(
 
 
 class Surface(Protocol):
-    """What the controller and the certificate need of a sliding surface."""
+    """What the controller and the certificate need of a sliding surface; arguments of the times are described here."""
 
     def check(self, nv: int) -> None:
         """Check that the gains are for nv joints; a `DimensionError` says which is not."""
@@ -116,10 +116,19 @@ class Surface(Protocol):
         """Gain of s to an acceleration held for dt, relative to the continuous one; the law divides by it."""
 
     def sliding_time(self, e1: ArrayLike) -> Array:
-        """Time that e1 needs on s = 0 until it has settled [s]; infinite if it never does."""
+        """Time that e1 needs on s = 0 until it has settled [s]; infinite if it never does.
+
+        Args:
+            e1: Position error when sliding begins [rad or m].
+        """
 
     def time_to(self, tolerance: float, e1: ArrayLike) -> Array:
-        """Time that abs(e1) needs on s = 0 to fall to a tolerance [s]."""
+        """Time that abs(e1) needs on s = 0 to fall to a tolerance [s].
+
+        Args:
+            tolerance: Error to fall to, positive [rad or m].
+            e1: Position error when sliding begins [rad or m].
+        """
 
     def speed(self, e1: ArrayLike) -> Array:
         """Speed abs(e2) on s = 0 [rad/s or m/s]."""
@@ -236,21 +245,13 @@ class PowerSurface(FormulaSurface):
     formula = staticmethod(power_formula)
 
     def sliding_time(self, e1: ArrayLike) -> Array:
-        """Infinite, except from e1 = 0: this surface has no finite-time convergence.
-
-        Args:
-            e1: Position error when sliding begins [rad or m].
-        """
+        """Infinite, except from e1 = 0: this surface has no finite-time convergence."""
         return np.where(np.asarray(e1) == 0.0, 0.0, np.inf)
 
     def time_to(self, tolerance: float, e1: ArrayLike) -> Array:
         """Time on s = 0 until abs(e1) is at the tolerance [s].
 
         From the closed form e1(t) = [e1(0)^(1-p) + γ(p-1)t]^(-1/(p-1)).
-
-        Args:
-            tolerance: Error to fall to, positive [rad or m].
-            e1: Position error when sliding begins [rad or m].
         """
         p = self.exponent
         start = np.maximum(np.abs(np.asarray(e1, dtype=np.float64)), tolerance)
@@ -305,20 +306,11 @@ class FastTerminalSurface(FormulaSurface):
         return self._inner_curve
 
     def sliding_time(self, e1: ArrayLike) -> Array:
-        """Time on s = 0 until abs(e1) is at the smoothing radius ε, exact [s].
-
-        Args:
-            e1: Position error when sliding begins [rad or m].
-        """
+        """Time on s = 0 until abs(e1) is at the smoothing radius ε, exact [s]."""
         return self._power_time(self.smoothing, np.abs(np.asarray(e1, dtype=np.float64)))
 
     def time_to(self, tolerance: float, e1: ArrayLike) -> Array:
-        """Time on s = 0 until abs(e1) is at the tolerance, exact [s].
-
-        Args:
-            tolerance: Error to fall to, positive [rad or m].
-            e1: Position error when sliding begins [rad or m].
-        """
+        """Time on s = 0 until abs(e1) is at the tolerance, exact [s]."""
         start = np.abs(np.asarray(e1, dtype=np.float64))
         outer = self._power_time(np.maximum(tolerance, self.smoothing), start)
         return outer + self._inner_time(tolerance, np.minimum(start, self.smoothing))
@@ -364,11 +356,7 @@ class NonsingularTerminalSurface(FormulaSurface):
     formula = staticmethod(nonsingular_terminal_formula)
 
     def sliding_time(self, e1: ArrayLike) -> Array:
-        """Time on s = 0 until e1 = 0, exact [s].
-
-        Args:
-            e1: Position error when sliding begins [rad or m].
-        """
+        """Time on s = 0 until e1 = 0, exact [s]."""
         return self._time(np.zeros(()), e1)
 
     def time_to(self, tolerance: float, e1: ArrayLike) -> Array:
