@@ -105,7 +105,7 @@ class DrivenRun:
             *(loop.q.copy(), loop.v.copy(), np.array(started.torque), np.array(started.pending))
         )
         form: Any = law._form
-        log = driven.DrivenLog(*(self.channels[name] for name in driven.DrivenLog._fields))
+        log = driven.driven_log(self.channels)
         encoders = loop.controller
         count = encoders.resolution if isinstance(encoders, QuantizedEncoders) else None
         plant = drive_tables(engine, loop.h, count, _target(law))

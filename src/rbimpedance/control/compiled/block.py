@@ -24,6 +24,9 @@ Z, TAU_EXT = 16, 17
 Q_R, Q_R_SIN = 18, 19  # the second for continuous joints only
 COLUMNS = 20
 
+OUTPUT = ("tau", "v_r", "a_r", "e1", "e2", "s", "u", "q_e", "v_e")
+"""The first of them by the names of `ControllerOutput`; a tick on hardware has the same as rows."""
+
 SATURATED, GUARANTEED, RATE_LIMITED, CLIPPED, PAIR = 1, 2, 4, 8, 16
 """Bits of `FLAGS`; `PAIR`: the joint has two entries of q."""
 

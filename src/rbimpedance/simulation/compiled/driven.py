@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +22,6 @@ from ...control.compiled.hardware_tables import (
     OUT_A_R,
     OUT_E1,
     OUT_E2,
-    OUT_S,
     OUT_TAU,
     HardwareTables,
     TickMemory,
@@ -40,6 +39,7 @@ from ...robot.compiled.rigid_body import place_joints
 from ...robot.compiled.tables import ArmTables, Workspace, workspace
 from ..plants import dry_friction
 from .environment import Environment, environment_torque
+from .log import COLUMN_OF
 from .loop import CompiledOnce, ReferenceSamples, runaway
 from .plant import integrate
 
@@ -112,17 +112,15 @@ class DriveSpace(NamedTuple):
 
 
 class DrivenLog(NamedTuple):
-    """Channels of `SimulationResult`."""
+    """Channels of `SimulationResult`; `outputs` are rows of a tick's output, in the order of `COLUMN_OF`."""
 
     q: Array
     v: Array
     q_r: Array
-    e1: Array
-    e2: Array
     e_im: Array
-    s: Array
-    tau: Array
     tau_ext: Array
+    outputs: tuple[Array, ...]
+    row_of: NDArray[np.int64]
 
 
 class DrivenClock(NamedTuple):
@@ -130,6 +128,13 @@ class DrivenClock(NamedTuple):
 
     ticks: NDArray[np.int64]
     outcome: NDArray[np.int64]
+
+
+def driven_log(channels: Mapping[str, Array]) -> DrivenLog:
+    """Return a log that writes to the given arrays, (samples, nq or nv) by name of the channel."""
+    q, v, q_r, e_im, tau_ext = (channels[name] for name in ("q", "v", "q_r", "e_im", "tau_ext"))
+    outputs = tuple(channels[name] for name in COLUMN_OF)
+    return DrivenLog(q, v, q_r, e_im, tau_ext, outputs, np.array(list(COLUMN_OF.values())))
 
 
 def drive_space(nq: int, nv: int) -> DriveSpace:
@@ -311,11 +316,12 @@ def _write(
         rows[_A, j] = _rippled(plant, j, moving.q, now) + space.tau_ext[j] - rows[_BIAS, j] - slides
     solve(space.factor, rows[_A])
     for j in range(len(moving.v)):
-        log.v[k, j], log.tau[k, j] = moving.v[j], o[OUT_TAU, j]
-        log.tau_ext[k, j], log.s[k, j] = space.tau_ext[j], o[OUT_S, j]
+        log.v[k, j], log.tau_ext[k, j] = moving.v[j], space.tau_ext[j]
         e1, e2, e3 = o[OUT_E1, j], o[OUT_E2, j], o[OUT_A_R, j] - rows[_A, j]
-        log.e1[k, j], log.e2[k, j] = e1, e2
         log.e_im[k, j] = impedance_error(target[0, j], target[1, j], target[2, j], e1, e2, e3)
+    for c in range(len(log.outputs)):
+        for j in range(len(moving.v)):
+            log.outputs[c][k, j] = o[log.row_of[c], j]
 
 
 driven_rollout = CompiledOnce(_run)

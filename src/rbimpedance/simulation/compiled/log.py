@@ -11,22 +11,14 @@ from numpy.typing import NDArray
 from ..._common.arrays import Array
 from ..._numba.compile import fused, inline
 from ..._numba.lanes import select
-from ...control.compiled.block import (
-    BIT_OF,
-    E1,
-    E2,
-    FLAGS,
-    Q_R,
-    Q_R_SIN,
-    TAU,
-    S,
-)
+from ...control.compiled.block import BIT_OF, E1, E2, FLAGS, OUTPUT, Q_R, Q_R_SIN, TAU
+from ...control.telemetry import CHANNELS
 from ...control.telemetry import FLAGS as FLAG_NAMES
 from ...law import impedance as law
 from ...robot.compiled.tables import CONTINUOUS, KIND, Q_INDEX, ArmTables
 from .plant import PlantMotion
 
-COLUMN_OF = {"e1": E1, "e2": E2, "s": S, "tau": TAU}
+COLUMN_OF = {each.name: OUTPUT.index(each.name) for each in CHANNELS if each.name in OUTPUT}
 """Where a tick's block keeps the channels of the controller."""
 
 
