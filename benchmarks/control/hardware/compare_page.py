@@ -27,6 +27,7 @@ def tables(rows: Rows) -> dict[str, str]:
     """Every table by its place."""
     return {
         "hardware-ours": _by_choice(rows, "ours", "{} bits"),
+        "hardware-factors": _factors(rows),
         "hardware-laws": _laws(rows),
         "hardware-ranges": _by_arm(rows, "ranges", "hardware"),
         "hardware-standing": _standing(rows),
@@ -62,6 +63,23 @@ def _laws(rows: Rows) -> str:
             cells = [_bold(_cell(runs[label], row["need"]), label == best) for label in LABELS]
             lines.append((name, bits, *cells))
     return markdown(("arm", "bits", *LABELS), lines)
+
+
+def _factors(rows: Rows) -> str:
+    """Error of linear laws over ours: the best on differences, then the one on our observer."""
+    measured = _with(rows, "laws")
+    bits = sorted({b for row in measured.values() for b in row["laws"]}, key=int)
+    lines = [(name, *(_factor(row, b) for b in bits)) for name, row in measured.items()]
+    return markdown(("arm", *(f"{b} bits" for b in bits)), lines)
+
+
+def _factor(row: Mapping[str, Any], bits: str) -> str:
+    if bits not in row["laws"] or "refused" in row["ours"][bits]:
+        return "–"
+    found, ours = row["laws"][bits], row["ours"][bits]["error"]
+    quiet = [label for label in LABELS[1:4] if _ratio(found[label], row) <= QUIET]
+    differences = min(found[label]["error"] for label in quiet or LABELS[1:4])
+    return f"{_short(differences / ours)}, {_short(found[LABELS[4]]['error'] / ours)}"
 
 
 def _by_arm(rows: Rows, part: str, title: str) -> str:
