@@ -11,7 +11,7 @@ from .._common.arrays import positive_number
 from .._common.brief import brief_repr
 from .._common.frozen import MadeAnew, set_fields
 from ..law.cartesian_impedance import CartesianFilter, CartesianImpedance, Displacement
-from ..law.damped_inverse import Damping
+from ..law.damped_inverse import DampedInverse, Damping, continued_basis
 from ..law.joint_bounds import JointBounds
 from ..law.limits import Limits, as_limits
 from ..law.super_twisting import ReachingState, SuperTwisting
@@ -25,6 +25,7 @@ from .cartesian_telemetry import CartesianOutput as CartesianOutput  # noqa: PLC
 from .cartesian_telemetry import CartesianState as CartesianState  # noqa: PLC0414 (part of this module's interface)
 from .cartesian_tick import CartesianLaw, SlidingLaw, cartesian_tick
 from .protocol import Backend
+from .telemetry import Situation
 
 
 @brief_repr()
@@ -190,6 +191,43 @@ class CartesianController(MadeAnew, CartesianControllerBase[CartesianState]):
         if self._form is not None:
             answer = self._form.step(self._form.pack(state), *given.plain())
         return cartesian_tick(self._law, state, given) if answer is None else answer
+
+    def handover(self, state: CartesianState, now: Situation) -> CartesianState:  # noqa: D102
+        motion = self._law.kinematics.motion(now.q, now.v)
+        basis = DampedInverse(motion.jacobian, self.damping).basis
+        following: CartesianState = self._taken_over(state, now, motion)
+        tool, null = state.tool, state.null
+        six, rest = np.zeros(6), np.zeros(basis.shape[1])
+        return following._replace(
+            tool=tool._replace(x=six, a=six),
+            null=null._replace(x=rest, a=rest),
+            basis=continued_basis(basis, state.basis) if state.ticks else basis,
+            z_before=tool.z,
+            z_null_before=null.z,
+        )
+
+    def with_impedance(self, impedance: CartesianImpedance) -> CartesianController:
+        """Return the same controller with another target; a run continues with its present state.
+
+        See `ImpedanceController.with_impedance`: x_r and its velocity do not jump at the change as long as the
+        compliance axes stay the same, only its acceleration does.
+
+        Args:
+            impedance: The target from the next tick on.
+        """
+        return CartesianController(
+            self.arm,
+            impedance,
+            self.surface,
+            self.reaching,
+            self.dt,
+            frame=self.frame,
+            posture=self.posture,
+            limits=self.limits,
+            joint_limits=self.joint_limits,
+            damping=self.damping,
+            backend=self.backend,
+        )
 
     def _elapsed(self, state: CartesianState, period: float) -> CartesianState:
         share, tool, null = period / self.dt, state.tool, state.null

@@ -27,6 +27,7 @@ from ..robot.arm_model import ArmModel
 from ..robot.tool_kinematics import ToolMotion
 from .cartesian_telemetry import CartesianOutput, CartesianState
 from .protocol import StateT, TickBase, checked_period
+from .telemetry import Situation
 
 
 class ToolMeasured(NamedTuple):
@@ -112,6 +113,61 @@ class ToolForm(Protocol):
         """
 
 
+class ToolTracking(NamedTuple):
+    """The tool at a tick, and where it should be.
+
+    Attributes:
+        motion: Motion of the frame.
+        reference: x_r.
+        errors: Errors to x_r.
+        axes: Compliance axes as columns, shape (3, 3).
+        wrench: Wrench of the environment at the frame, shape (6,).
+        away: Posture (-) q, shape (nv,).
+    """
+
+    motion: ToolMotion
+    reference: CartesianReference
+    errors: ToolErrors
+    axes: Array
+    wrench: Array
+    away: Array
+
+    def output(self, tau: Array, a: Array, damping: Damping) -> CartesianOutput:
+        """Return the output of a law without sliding variable, whose torque is at no limit.
+
+        Args:
+            tau: Motor torque, shape (nv,).
+            a: Joint acceleration that it realises, by the controller's model, shape (nv,).
+            damping: Of the Jacobian's inverse.
+        """
+        motion, reference, errors, axes, wrench, away = self
+        J = motion.jacobian
+        at_rest = errors.acceleration(reference, motion.v[3:], np.zeros(6))
+        inverse = DampedInverse(J, damping)
+        zero, none = np.zeros(6), np.zeros(len(a), dtype=np.bool_)
+        return CartesianOutput(
+            tau,
+            Pose(motion.rotation, motion.translation),
+            *(reference, axes, wrench.copy()),
+            *(errors.e1, errors.e2),
+            e3=errors.of_error(at_rest - motion.drift - J @ a),
+            s=zero,
+            u=zero,
+            e_null=inverse.basis.T @ away,
+            s_null=np.zeros(inverse.basis.shape[1]),
+            a=a,
+            jacobian=J,
+            inverse=inverse.matrix,
+            basis=inverse.basis,
+            sigma=inverse.sigma,
+            lost=inverse.lost,
+            premise_holds=np.zeros(6, dtype=np.bool_),
+            saturated=none,
+            rate_limited=none,
+            joint_limited=none,
+        )
+
+
 @dataclass(frozen=True, eq=False, init=False)
 class CartesianControllerBase(TickBase[StateT, ToolMeasured, CartesianOutput]):
     """What every controller at the tool offers, described once; children give `init`, `_step` and `_elapsed`.
@@ -189,6 +245,32 @@ class CartesianControllerBase(TickBase[StateT, ToolMeasured, CartesianOutput]):
         period, ticks = checked_period(period, self.dt), getattr(state, "ticks", 0)
         return state if ticks == 0 or period == self.dt else self._elapsed(state, period)
 
+    @abstractmethod
+    def handover(self, state: StateT, now: Situation) -> StateT:
+        """Return the state with which the controller takes the arm over as it is now.
+
+        The target starts from where the tool is, so that x_r and its velocity are those of the tool. The integral keeps
+        what it knows of the load, and the rate limit counts from the torque that acts.
+
+        Args:
+            state: The last state, or that of `init`.
+            now: The arm at the tick to come; its reference is a `CartesianReference`.
+        """
+
+    def _taken_over(self, state: Any, now: Situation, motion: ToolMotion) -> Any:
+        """The state with the target where the tool is; children add what else they remember."""
+        pose, target = Pose(motion.rotation, motion.translation), self._target
+        displacement = target.displacement(now.reference, pose, motion.v)
+        wrench = self.wrench_from_torque(now.q, now.tau_ext)
+        return state._replace(
+            ticks=max(state.ticks, 1),
+            displacement=displacement,
+            posture=state.posture if state.ticks else np.array(now.q),
+            tau=np.array(now.tau),
+            pulled=target.pulled_back(displacement, now.reference, wrench),
+            displacement_before=displacement,
+        )
+
     def wrench_from_torque(self, q: ArrayLike, tau_ext: ArrayLike) -> Array:
         """Return the wrench at the frame that explains a joint torque best, world axes, shape (6,) [N, N·m].
 
@@ -207,6 +289,14 @@ class CartesianControllerBase(TickBase[StateT, ToolMeasured, CartesianOutput]):
         inverse = DampedInverse(self.arm.jacobian(q, self.frame), self.damping)
         wrench: Array = inverse.matrix.T @ torque
         return wrench
+
+    def compliance_axes(self, desired: CartesianReference) -> Array:
+        """Return the compliance axes R_c as columns in world axes, shape (3, 3).
+
+        Args:
+            desired: Desired motion of the frame.
+        """
+        return self._target.axes(desired)
 
     def impedance_error(self, output: CartesianOutput, a: Array) -> Array:
         """Return Jᵀ·e, with e what the target's equation lacks at the frame, shape (nv,) [N·m or N].

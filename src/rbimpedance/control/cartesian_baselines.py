@@ -16,14 +16,14 @@ from .._common.arrays import Array, per_joint, positive, positive_number
 from .._common.brief import brief_repr
 from .._common.frozen import set_fields
 from ..law.cartesian_impedance import CartesianFilter, CartesianImpedance, Displacement
-from ..law.damped_inverse import DampedInverse, Damping
+from ..law.damped_inverse import Damping
 from ..law.limits import Allocation, Limits, as_limits
-from ..law.poses import CartesianReference, Pose
 from ..robot.arm_model import ArmModel
 from ..robot.tool_kinematics import ToolKinematics, ToolMotion
-from .cartesian_base import CartesianControllerBase, ToolErrors, ToolMeasured
+from .cartesian_base import CartesianControllerBase, ToolErrors, ToolMeasured, ToolTracking
 from .cartesian_telemetry import CartesianOutput
 from .pid import pid_gains
+from .telemetry import Situation
 
 POSTURE_STIFFNESS, POSTURE_DAMPING = 20.0, 9.0
 """Posture control of the null space [1/s², 1/s]."""
@@ -58,32 +58,39 @@ class ToolBaselineState(NamedTuple):
     integral_before: Array
 
 
-class ToolTracking(NamedTuple):
+class BaselineTracking(NamedTuple):
     """What a baseline computes its torque from.
 
     Attributes:
         given: Measurements.
-        motion: Motion of the frame.
-        reference: x_r.
-        errors: Errors to x_r.
+        at_tool: The tool, x_r and the errors to it.
         desired: Errors to x_d.
-        axes: Compliance axes as columns, shape (3, 3).
-        away: Posture (-) q, shape (nv,).
         integral: Integral of e1, shape (6,).
     """
 
     given: ToolMeasured
-    motion: ToolMotion
-    reference: CartesianReference
-    errors: ToolErrors
+    at_tool: ToolTracking
     desired: ToolErrors
-    axes: Array
-    away: Array
     integral: Array
+
+    @property
+    def motion(self) -> ToolMotion:
+        """Motion of the frame."""
+        return self.at_tool.motion
+
+    @property
+    def errors(self) -> ToolErrors:
+        """Errors to x_r."""
+        return self.at_tool.errors
+
+    @property
+    def away(self) -> Array:
+        """Posture (-) q, shape (nv,)."""
+        return self.at_tool.away
 
     def in_world(self, matrix: Array, x: Array) -> Array:
         """Return a matrix of the compliance axes times a vector in world axes, shape (6,)."""
-        to_world = np.kron(np.eye(2), self.axes)
+        to_world = np.kron(np.eye(2), self.at_tool.axes)
         product: Array = to_world @ (matrix @ (to_world.T @ x))
         return product
 
@@ -136,7 +143,7 @@ class ToolBaseline(CartesianControllerBase[ToolBaselineState]):
         )
 
     @abstractmethod
-    def _torque(self, tick: ToolTracking) -> Array:
+    def _torque(self, tick: BaselineTracking) -> Array:
         """The control law."""
 
     @property
@@ -156,16 +163,16 @@ class ToolBaseline(CartesianControllerBase[ToolBaselineState]):
         pulled = self._filter.pulled_back(state.displacement, given.desired, given.wrench)
         reference = self._filter.reference(state.displacement, given.desired, pulled)
         posture = state.posture if state.ticks else given.q
-        tick = ToolTracking(
-            given,
+        at_tool = ToolTracking(
             motion,
             reference,
             ToolErrors.of(reference, motion),
-            ToolErrors.of(given.desired, motion),
             self._filter.axes(given.desired),
+            given.wrench,
             self.arm.raw_dynamics.difference(given.q, posture),
-            state.integral,
         )
+        desired = ToolErrors.of(given.desired, motion)
+        tick = BaselineTracking(given, at_tool, desired, state.integral)
         allocation = self._within_limits(state, given, self._torque(tick))
         output = self._output(tick, allocation)
         return output, ToolBaselineState(
@@ -186,6 +193,13 @@ class ToolBaseline(CartesianControllerBase[ToolBaselineState]):
             integral=before + (state.integral - before) * (period / self.dt),
         )
 
+    def handover(  # noqa: D102 (the base's docstring)
+        self, state: ToolBaselineState, now: Situation
+    ) -> ToolBaselineState:
+        motion = self._kinematics.motion(now.q, now.v)
+        following: ToolBaselineState = self._taken_over(state, now, motion)
+        return following._replace(integral_before=state.integral)
+
     def _within_limits(
         self, state: ToolBaselineState, given: ToolMeasured, tau: Array
     ) -> Allocation:
@@ -194,12 +208,12 @@ class ToolBaseline(CartesianControllerBase[ToolBaselineState]):
         none = np.zeros(self.arm.nv, dtype=np.bool_)
         return Allocation(tau, none, none, np.zeros(self.arm.nv))
 
-    def _integrated(self, tick: ToolTracking, allocation: Allocation) -> Array:
+    def _integrated(self, tick: BaselineTracking, allocation: Allocation) -> Array:
         """The next integral; only the PID has one."""
         del allocation
         return tick.integral
 
-    def _resolved(self, tick: ToolTracking, b: Array) -> Array:
+    def _resolved(self, tick: BaselineTracking, b: Array) -> Array:
         """Torque for a tool acceleration b: Jᵀ Λ (b - J̇ v) + bias, and a posture in the consistent null space."""
         dynamics, (q, v) = self.arm.raw_dynamics, tick.given[:2]
         J, M = tick.motion.jacobian, dynamics.mass_matrix(q)
@@ -211,36 +225,11 @@ class ToolBaseline(CartesianControllerBase[ToolBaselineState]):
             tau = tau + posture - J.T @ (Lambda @ (J @ (M_inverse @ posture)))
         return np.asarray(tau)
 
-    def _output(self, tick: ToolTracking, allocation: Allocation) -> CartesianOutput:
-        given, motion, errors = tick.given, tick.motion, tick.errors
-        torque = given.external_torque(motion.jacobian)
-        a = self.arm.raw_dynamics.forward_dynamics(given.q, given.v, allocation.tau + torque)
-        at_rest = errors.acceleration(tick.reference, motion.v[3:], np.zeros(6))
-        inverse = DampedInverse(motion.jacobian, self.damping)
-        zero, none = np.zeros(6), np.zeros(6, dtype=np.bool_)
-        return CartesianOutput(
-            allocation.tau,
-            Pose(motion.rotation, motion.translation),
-            tick.reference,
-            tick.axes,
-            given.wrench.copy(),
-            *(errors.e1, errors.e2),
-            e3=errors.of_error(at_rest - motion.drift - motion.jacobian @ a),
-            s=zero,
-            u=zero,
-            e_null=inverse.basis.T @ tick.away,
-            s_null=np.zeros(inverse.basis.shape[1]),
-            a=a,
-            jacobian=motion.jacobian,
-            inverse=inverse.matrix,
-            basis=inverse.basis,
-            sigma=inverse.sigma,
-            lost=inverse.lost,
-            premise_holds=none,
-            saturated=allocation.saturated,
-            rate_limited=allocation.rate_limited,
-            joint_limited=np.zeros(self.arm.nv, dtype=np.bool_),
-        )
+    def _output(self, tick: BaselineTracking, allocation: Allocation) -> CartesianOutput:
+        torque = tick.given.external_torque(tick.motion.jacobian)
+        a = self.arm.raw_dynamics.forward_dynamics(*tick.given[:2], allocation.tau + torque)
+        output = tick.at_tool.output(allocation.tau, a, self.damping)
+        return output._replace(saturated=allocation.saturated, rate_limited=allocation.rate_limited)
 
 
 @brief_repr("arm", "frame", "dt", "impedance")
@@ -254,7 +243,7 @@ class CartesianPD(ToolBaseline):
     with the pseudo-inverse of Jᵀ. This is the law of libfranka's example of a Cartesian impedance controller.
     """
 
-    def _torque(self, tick: ToolTracking) -> Array:
+    def _torque(self, tick: BaselineTracking) -> Array:
         (_, D, K), J, (q, v) = self._matrices, tick.motion.jacobian, tick.given[:2]
         posture = _STIFFNESS * tick.away - 2.0 * np.sqrt(_STIFFNESS) * v
         free = posture - J.T @ (np.linalg.pinv(J.T) @ posture)
@@ -276,7 +265,7 @@ class OperationalSpace(ToolBaseline):
         formulation, IEEE Journal of Robotics and Automation 3(1), 1987.
     """
 
-    def _torque(self, tick: ToolTracking) -> Array:
+    def _torque(self, tick: BaselineTracking) -> Array:
         M, D, K = self._matrices
         feedback = tick.in_world(np.asarray(np.linalg.inv(M)), tick.spring_damper(D, K))
         return self._resolved(tick, tick.given.desired.a + feedback)
@@ -292,7 +281,7 @@ class CartesianHogan(ToolBaseline):
     With an exact model the tool has the target impedance; model errors act on it unopposed.
     """
 
-    def _torque(self, tick: ToolTracking) -> Array:
+    def _torque(self, tick: BaselineTracking) -> Array:
         M, D, K = self._matrices
         force = tick.spring_damper(D, K) + tick.given.wrench
         feedback = tick.in_world(np.asarray(np.linalg.inv(M)), force)
@@ -338,10 +327,10 @@ class CartesianPID(ToolBaseline):
         bandwidth = per_joint("bandwidth", positive("bandwidth", bandwidth), 6)
         set_fields(self, bandwidth=bandwidth, limits=limits, _gains=pid_gains(bandwidth, self.dt))
 
-    def _torque(self, tick: ToolTracking) -> Array:
+    def _torque(self, tick: BaselineTracking) -> Array:
         k_p, k_d, k_i = self._gains
         u = k_p * tick.errors.e1 + k_d * tick.errors.e2 + k_i * tick.integral
-        b = tick.errors.acceleration(tick.reference, tick.motion.v[3:], u)
+        b = tick.errors.acceleration(tick.at_tool.reference, tick.motion.v[3:], u)
         return self._resolved(tick, b) - tick.given.external_torque(tick.motion.jacobian)
 
     def _within_limits(
@@ -354,7 +343,7 @@ class CartesianPID(ToolBaseline):
             dt=self.dt,
         )
 
-    def _integrated(self, tick: ToolTracking, allocation: Allocation) -> Array:
+    def _integrated(self, tick: BaselineTracking, allocation: Allocation) -> Array:
         errors = tick.errors
         deficit = errors.of_error(tick.motion.jacobian @ allocation.acceleration_deficit)
         grows = deficit * errors.e1 <= 0.0

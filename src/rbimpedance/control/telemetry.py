@@ -9,7 +9,6 @@ import numpy as np
 from .._common.arrays import Array, BoolArray
 from .._common.brief import brief_repr
 from .._common.deprecation import warn_renamed
-from ..trajectories import Reference
 
 
 class Channel(NamedTuple):
@@ -181,7 +180,7 @@ class Situation(NamedTuple):
         q: Configuration, shape (nq,).
         v: Velocity, shape (nv,) [rad/s or m/s].
         a: Acceleration as far as it is known, shape (nv,) [rad/s² or m/s²].
-        reference: Desired motion at the tick to come.
+        reference: Desired motion at the tick to come: a `Reference`, or a `CartesianReference` at the tool.
         tau: Motor torque that acts, shape (nv,) [N·m or N].
         tau_ext: Torque of the environment, shape (nv,) [N·m or N].
     """
@@ -189,6 +188,6 @@ class Situation(NamedTuple):
     q: Array
     v: Array
     a: Array
-    reference: Reference
+    reference: Any
     tau: Array
     tau_ext: Array

@@ -27,6 +27,7 @@ from .rotations import at
 from .tool_formulas import (
     FrameMotion,
     Six,
+    displacement,
     pulled_back,
     reference_in_constant_axes,
     reference_in_turning_axes,
@@ -166,6 +167,20 @@ class CartesianFilter:
         xi, rate = six_of(now.xi), six_of(now.rate)
         R_c, k = matrix_of(self.axes(desired)), at(xi[1])
         return reference_of(compose(R_c, k, xi, rate, six_of(acceleration), motion_of(desired)))
+
+    def displacement(
+        self, desired: CartesianReference, pose: Pose, velocity: Array
+    ) -> Displacement:
+        """Return the displacement at which x_r is a given pose and moves as given.
+
+        Args:
+            desired: Desired motion x_d.
+            pose: The pose.
+            velocity: Its velocity, linear and angular, world axes, shape (6,).
+        """
+        R_c, now = matrix_of(self.axes(desired)), CartesianReference(pose, velocity, np.zeros(6))
+        six = displacement(R_c, self._turns, motion_of(desired), motion_of(now))
+        return Displacement(*map(six_array, six))
 
     def advance(
         self, now: Displacement, pulled: Array, period: float | None = None

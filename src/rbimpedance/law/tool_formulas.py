@@ -10,6 +10,7 @@ from typing import NamedTuple, TypeAlias
 
 from .rotations import (
     Coefficients,
+    at,
     exponential,
     left,
     left_inverse,
@@ -89,6 +90,27 @@ def reference_in_turning_axes(
     )
 
 
+def displacement(
+    R_c: Matrix, turns: bool, desired: FrameMotion, now: FrameMotion
+) -> tuple[Six, Six]:
+    """Give ξ and ξ̇ for which the reference of (T2) is a given motion.
+
+    Args:
+        R_c: Compliance axes.
+        turns: Whether they are those of the desired motion.
+        desired: Desired motion x_d.
+        now: Motion that x_r is to have; its acceleration does not count.
+    """
+    R_d, p_d, (v_d, w_d), _ = desired
+    R, p, (v, w), _ = now
+    x, G = subtract(p, p_d), product(R, transposed(R_d))
+    phi = logarithm(product(product(transposed(R_c), G), R_c))
+    carried = (add(v_d, cross(w_d, x)), w_d) if turns else (v_d, rotate(G, w_d))
+    rate = unrotate(R_c, subtract(v, carried[0]))
+    turning = rotate(left_inverse(phi, at(phi)), unrotate(R_c, subtract(w, carried[1])))
+    return (unrotate(R_c, x), phi), (rate, turning)
+
+
 def _turning(
     R_c: Matrix, phi: Vector, k: Coefficients, rate: Vector, acceleration: Vector
 ) -> tuple[Vector, Vector]:
@@ -108,6 +130,24 @@ def error_rate(phi: Vector, k: Coefficients, v_r: Six, v: Six) -> Six:
     inverse = left_inverse(phi, k)
     turning = subtract(rotate(inverse, v_r[1]), unrotate(inverse, v[1]))
     return subtract(v_r[0], v[0]), turning
+
+
+def error_acceleration(
+    phi: Vector, k: Coefficients, rate: Vector, reference: FrameMotion, now: FrameMotion
+) -> Six:
+    """Give the rate of `error_rate` between two motions (T3).
+
+    Args:
+        phi: Rotation error.
+        k: Its coefficients.
+        rate: Its rate.
+        reference: Motion of x_r.
+        now: Motion of the tool.
+    """
+    inverse, changing = left_inverse(phi, k), left_inverse_rate(phi, k, rate)
+    ahead = add(rotate(inverse, reference.a[1]), rotate(changing, reference.v[1]))
+    behind = add(unrotate(inverse, now.a[1]), unrotate(changing, now.v[1]))
+    return subtract(reference.a[0], now.a[0]), subtract(ahead, behind)
 
 
 def tool_acceleration(

@@ -15,17 +15,19 @@ from ..._common.frozen import set_fields
 from ...exceptions import InputError, ParameterError
 from ...law.limits import Limits, as_limits
 from ...robot.arm_model import ArmModel
-from ...trajectories import Reference
+from ..cartesian_base import CartesianControllerBase
 from ..protocol import LONGEST_PERIOD, Measured, WrappableController
 from ..telemetry import ControllerOutput, Situation
-from ..wrapper import ControllerWrapper, of_joints
+from ..tool_view import in_joints
+from ..wrapper import ControllerWrapper
 from .belief import Belief, Believer
 from .braking import Braking
+from .desired_motion import DesiredMotion, desired_motion
 from .effect_monitor import MEMORY, EffectMonitor, EffectState
 from .fault_telemetry import FaultEvent as FaultEvent  # noqa: PLC0414 (part of this module's interface)
 from .fault_telemetry import FaultGuardState as FaultGuardState  # noqa: PLC0414 (likewise)
 from .fault_telemetry import GuardedOutput as GuardedOutput  # noqa: PLC0414 (likewise)
-from .fault_telemetry import Policy, Response, without_controller
+from .fault_telemetry import Policy, Response, guarded
 from .faults import Fault, FaultError, OperatingRange
 from .input_monitor import Monitor
 from .joint_checks import SINCE_Q
@@ -69,6 +71,9 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
     effect and q is bitwise constant the output says `brakes_requested`, too, and the controller is tried again ever
     less often; the torque is taken back with its impulse, which also stops an arm that has moved unseen.
 
+    Around a `CartesianController` the same holds: references are `CartesianReference`, outputs have the tool's as
+    `at_tool`, and the way back is that of the tool. tau_ext stays a torque of the joints: Jᵀ·wrench for a wrist sensor.
+
     `step` is pure, as of any controller. The first tick has nothing to fall back on: there every policy raises, unless
     the measurement is right and only out of range.
 
@@ -97,6 +102,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
     way_back: float
     frozen_ticks: int
     frozen_travel: float
+    _motion: DesiredMotion
     _monitor: Monitor
     _effect: EffectMonitor
     _believer: Believer
@@ -106,7 +112,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
 
     def __init__(
         self,
-        controller: WrappableController[Any],
+        controller: WrappableController[Any] | CartesianControllerBase[Any],
         policy: Policy = "stop",
         *,
         limits: Limits | ArrayLike | None = None,
@@ -143,7 +149,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
             raise ParameterError("rate", rate, f"at most 0.5/dt = {0.5 / controller.dt:g} 1/s")
         set_fields(
             self,
-            controller=of_joints(controller),
+            controller=in_joints(controller),
             policy=policy,
             range=OperatingRange(arm) if range is None else range,
             rate=rate,
@@ -155,13 +161,15 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
             frozen_travel=positive_number("frozen_travel", frozen_travel, "way in rad or m"),
             _on_event=on_event,
         )
-        self._make_parts(_limits(arm, controller.limits if limits is None else limits))
+        self._make_parts(_limits(arm, self.controller.limits if limits is None else limits))
 
     def _make_parts(self, limits: Limits) -> None:
         arm, range, dt = self.arm, self.range, self.dt
+        motion = desired_motion(self.controller)
         set_fields(
             self,
-            _monitor=Monitor(arm, range, self.frozen_ticks, self.frozen_travel),
+            _motion=motion,
+            _monitor=Monitor(motion, range, self.frozen_ticks, self.frozen_travel),
             _effect=EffectMonitor(self.frozen_travel, limits.effort),
             _believer=Believer(arm, range, self.rate, dt),
             _braking=Braking(arm, limits, self.rate, self.longest_blind, dt),
@@ -175,7 +183,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
 
     def init(self) -> FaultGuardState:
         """Return the state before the first tick."""
-        zero, q = np.zeros(self.arm.nv), np.array(self.arm.neutral)
+        zero = np.zeros(self.arm.nv)
         return FaultGuardState(
             inner=self._start.init(),
             monitor=self._monitor.init(),
@@ -184,9 +192,8 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
             tau=zero,
             safe=zero,
             tau_ext=zero,
-            q_e=zero,
-            v_e=zero,
-            reference=Reference(q, zero, zero),
+            reference=self._motion.at_rest(),
+            offset=np.zeros((2, len(self._motion.usual_speed))),
             response="run",
             fault=None,
             since=0.0,
@@ -241,7 +248,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         """The state with what is known of the arm at this tick, and what is wrong."""
         fault = _NO_PERIOD if state.period == -1.0 else None
         period = self.dt if state.period is None or fault else state.period
-        reading, monitor = self._monitor.read(state.monitor, given, state.v_e, period)
+        reading, monitor = self._monitor.read(state.monitor, given, state.offset[1], period)
         desired = state.reference if reading.reference is None else reading.reference
         told = np.zeros_like(state.tau) if reading.tau_ext is None else reading.tau_ext
         known = self._believer.update(state.known, reading, state.tau, period)
@@ -300,7 +307,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         except (InputError, ArithmeticError, np.linalg.LinAlgError) as error:
             words = f"the controller cannot compute a torque: {error}"
             return None, Fault("controller", "tau", (), words), now
-        told = GuardedOutput.of(output)
+        told: GuardedOutput = guarded(output)
         if not (is_finite(told.tau) and is_finite(inner.inner)):
             words = "the controller's torque or state is not finite"
             return None, Fault("controller", "tau", (), words), now
@@ -311,8 +318,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
             inner=inner,
             tau=(own := tau.copy()),
             safe=own,
-            q_e=told.q_e.copy(),
-            v_e=told.v_e.copy(),
+            offset=self._motion.offset(output, reference),
             response="run",
             fault=None,
             since=0.0,
@@ -376,13 +382,15 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         tau = self._within(state, now, tau)
         at_limit = np.abs(tau) >= self.limits.effort
         is_changing = np.abs(tau - state.tau) >= self.limits.rate * self.dt
-        output = without_controller(self.arm, now, tau)
+        at = Situation(known.q, known.v, np.zeros_like(tau), now.reference, tau, now.tau_ext)
+        output = self._motion.output(at, now.offset)
         output = output._replace(saturated=at_limit, rate_limited=is_changing & ~at_limit)
         following = now._replace(tau=tau, response=response, since=since, period=None)
         is_unseen = _is_idle(now.fault) and now.effect.constant >= self.frozen_ticks * self.dt
         is_adrift = (now.monitor.joints[SINCE_Q] > 2.0 * self.longest_blind).any()
         brakes = bool(is_lost or is_unseen or is_adrift)
-        return GuardedOutput.of(output, response, now.fault, brakes), following
+        answer: GuardedOutput = guarded(output, response, now.fault, brakes)
+        return answer, following
 
     def _response(self, state: FaultGuardState, now: FaultGuardState, since: float) -> Response:
         is_early = state.response != "stop" and since < self.longest_hold

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, NamedTuple, TypeAlias
-
-import numpy as np
+from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 from ..._common.arrays import Array
-from ...robot.arm_model import ArmModel
-from ...trajectories import Reference
-from ..telemetry import ControllerOutput, flags
+from ..telemetry import ControllerOutput
+from ..tool_view import ToolTick
 from .belief import Belief
 from .effect_monitor import EffectState
 from .faults import Fault
@@ -23,11 +20,11 @@ Response: TypeAlias = Literal["run", "hold", "stop"]
 """What a tick did: the controller's torque, the last safe torque with damping, or damping to rest."""
 
 
-class GuardedOutput(ControllerOutput):
-    """A `ControllerOutput` that says whether it is the controller's own, and why not.
+_GuardedT = TypeVar("_GuardedT", bound="Guarded")
 
-    While a policy is active, tau is the policy's, q_r is where the reference was last, e1 and e2 are its errors as
-    far as the state is known, s and u are zero, and nothing is guaranteed.
+
+class Guarded:
+    """What an output says besides: whether it is the controller's own, and why not.
 
     Attributes:
         response: What the tick did.
@@ -42,22 +39,45 @@ class GuardedOutput(ControllerOutput):
 
     @classmethod
     def of(
-        cls,
-        output: ControllerOutput,
+        cls: type[_GuardedT],
+        output: Any,
         response: Response = "run",
         fault: Fault | None = None,
         brakes_requested: bool = False,
-    ) -> GuardedOutput:
+    ) -> _GuardedT:
         """Return an output with what is to be said about it."""
         guarded = cls(*output)
         guarded.response, guarded.fault = response, fault
         guarded.brakes_requested = brakes_requested
         return guarded
 
-    def _replace(self, **changes: Any) -> GuardedOutput:
+    def _replace(self: _GuardedT, **changes: Any) -> _GuardedT:
         """Return the output with other fields; what is said about it stays."""
-        changed = ControllerOutput(*self)._replace(**changes)
+        changed = super()._replace(**changes)  # type: ignore[misc]
         return self.of(changed, self.response, self.fault, self.brakes_requested)
+
+
+class GuardedOutput(Guarded, ControllerOutput):
+    """A `ControllerOutput` that says whether it is the controller's own, and why not; see `Guarded`.
+
+    While a policy is active, tau is the policy's, q_r is where the reference was last, e1 and e2 are its errors as
+    far as the state is known, s and u are zero, and nothing is guaranteed.
+    """
+
+
+class GuardedToolTick(Guarded, ToolTick):
+    """The same of a controller at the tool: `at_tool` holds its `CartesianOutput`; see `Guarded`."""
+
+
+def guarded(
+    output: Any,
+    response: Response = "run",
+    fault: Fault | None = None,
+    brakes_requested: bool = False,
+) -> Any:
+    """Return an output of the joints, or of a controller at the tool, with what is to be said about it."""
+    kind = GuardedToolTick if isinstance(output, ToolTick) else GuardedOutput
+    return kind.of(output, response, fault, brakes_requested)
 
 
 class FaultEvent(NamedTuple):
@@ -85,9 +105,9 @@ class FaultGuardState(NamedTuple):
         tau: Torque that left in the tick before, shape (nv,) [N·m or N].
         safe: The last torque of the controller, shape (nv,) [N·m or N].
         tau_ext: Torque of the environment, zero where it is not known, shape (nv,) [N·m or N].
-        reference: The last sound desired motion, as (q, v, a).
-        q_e: Position of the impedance filter at the last tick of the controller, shape (nv,) [rad or m].
-        v_e: Its velocity, shape (nv,) [rad/s or m/s].
+        reference: The last sound desired motion: a `Reference`, or a `CartesianReference`.
+        offset: How far the impedance had moved it at the last tick of the controller, and how fast, shape (2, nv); at
+            the tool (2, 6).
         response: What the tick before did.
         fault: Why.
         since: How long the response has been active [s].
@@ -103,36 +123,10 @@ class FaultGuardState(NamedTuple):
     tau: Array
     safe: Array
     tau_ext: Array
-    reference: Reference
-    q_e: Array
-    v_e: Array
+    reference: Any
+    offset: Array
     response: Response
     fault: Fault | None
     since: float
     sound: int
     period: float | None
-
-
-def without_controller(arm: ArmModel, state: FaultGuardState, tau: Array) -> ControllerOutput:
-    """Return what there is to say of a tick without the controller, whose torque is at no limit.
-
-    Args:
-        arm: The arm.
-        state: The state at this tick.
-        tau: Torque of the tick, shape (nv,) [N·m or N].
-    """
-    q_d, v_d, a_d = state.reference
-    q_r = arm.raw_dynamics.integrate(q_d, state.q_e)
-    v_r = v_d + state.v_e
-    e1 = arm.raw_dynamics.difference(state.known.q, q_r)
-    zero = np.zeros_like(tau)
-    return ControllerOutput(
-        tau.copy(),
-        *(q_r, v_r, a_d.copy(), e1, v_r - state.known.v),
-        s=zero,
-        u=zero.copy(),
-        q_e=state.q_e.copy(),
-        v_e=state.v_e.copy(),
-        premise_holds=np.zeros(arm.nv, dtype=np.bool_),
-        **flags(arm.nv),
-    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,8 +13,8 @@ from ..._common.frozen import set_fields
 from ...exceptions import DimensionError, InputError, NonFiniteError
 from ...robot.arm_model import ArmModel
 from ...trajectories import Reference
-from ..errors import check_reference
 from ..protocol import Measured
+from .desired_motion import DesiredMotion, copied
 from .faults import Fault, FaultKind, OperatingRange
 from .joint_checks import (
     ALONE,
@@ -77,11 +77,11 @@ class Reading(NamedTuple):
     sees_q: BoolArray
     sees_v: BoolArray
     tau_ext: Array | None
-    reference: Reference | None
+    reference: Any
     fault: Fault | None
 
 
-_Inputs: TypeAlias = tuple[Array | None, Array | None, Array | None, Reference | None]
+_Inputs: TypeAlias = tuple[Array | None, Array | None, Array | None, Any]
 """q, v, tau_ext and the reference."""
 
 
@@ -107,12 +107,14 @@ class Monitor:
 
     Attributes:
         arm: The arm.
+        motion: The kind of desired motion.
         range: The stated range.
         frozen_ticks: Ticks after which a motion that does not show is a fault.
         frozen_travel: Motion that has to show [rad or m].
     """
 
     arm: ArmModel
+    motion: DesiredMotion
     range: OperatingRange
     frozen_ticks: int
     frozen_travel: float
@@ -120,11 +122,13 @@ class Monitor:
     _bounds: Array
 
     def __init__(
-        self, arm: ArmModel, range: OperatingRange, frozen_ticks: int, frozen_travel: float
+        self, motion: DesiredMotion, range: OperatingRange, frozen_ticks: int, frozen_travel: float
     ) -> None:
+        arm = motion.arm
         set_fields(
             self,
             arm=arm,
+            motion=motion,
             range=range,
             frozen_ticks=frozen_ticks,
             frozen_travel=frozen_travel,
@@ -144,7 +148,7 @@ class Monitor:
         Args:
             state: From `init` or from the tick before.
             given: Measurements and desired motion, of any kind.
-            v_e: How fast the impedance moves the reference, shape (nv,) [rad/s or m/s].
+            v_e: How fast the impedance moves the reference, shape (nv,) [rad/s or m/s], or (6,) at the tool.
             period: Time since the tick before [s].
         """
         faults: list[Fault] = []
@@ -163,7 +167,7 @@ class Monitor:
             ]
         if measured_q is None or not sees_q.all():
             measured_q = self.arm.raw_dynamics.integrate(state.q, np.where(sees_q, moved, 0.0))
-        made[EXPECTED] += period * (v_e if desired is None else desired.v + v_e)
+        made[EXPECTED] += period * self.motion.joint_speed(desired, v_e, state.q)
         fault = faults[0] if faults else None
         reading = Reading(measured_q, made[SEEN_V], sees_q, sees_v, external, desired, fault)
         return reading, MonitorState(state.ticks + 1, measured_q, made)
@@ -236,9 +240,9 @@ class Monitor:
                 return None
         return array
 
-    def _checked_reference(self, faults: list[Fault], reference: Reference) -> Reference | None:
+    def _checked_reference(self, faults: list[Fault], reference: Any) -> Any:
         try:
-            return check_reference(self.arm, reference)
+            return copied(self.motion.check(reference))
         except InputError as error:
             faults.append(_input_fault(error, "reference"))
             return None

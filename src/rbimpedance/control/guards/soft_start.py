@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike
 from ..._common.arrays import Array, positive_number, positive_or, vector
 from ..._common.frozen import set_fields
 from ...law.limits import Limits
-from ...trajectories import Reference
-from ..errors import check_measurements
+from ..cartesian_base import CartesianControllerBase
 from ..protocol import LONGEST_PERIOD, Measured, WrappableController
 from ..telemetry import ControllerOutput, Situation
-from ..wrapper import ControllerWrapper, of_joints
-from .faults import FASTEST
+from ..tool_view import in_joints
+from ..wrapper import ControllerWrapper
+from .desired_motion import DesiredMotion, copied, desired_motion
 
 _PEAK_SPEED, _PEAK_ACCELERATION = 1.875, 10.0 / np.sqrt(3.0)
 """Of the way from 0 to 1 in a time of 1 that begins and ends at rest, 10x³ - 15x⁴ + 6x⁵."""
@@ -31,11 +31,11 @@ class SoftStartState(NamedTuple):
         q: Configuration at the tick before, shape (nq,).
         tau: Torque that left then, shape (nv,) [N·m or N]; before the first tick the torque to begin with, None for the
             one that holds the arm against gravity.
-        reference: Desired motion at the tick before, as it was given.
+        reference: Desired motion at the tick before, as it was given: a `Reference`, or a `CartesianReference`.
         late: Time of the coming tick after the one before, less dt [s].
         clock: Time since the start [s].
         length: How long this start takes [s].
-        gap: Blended reference (-) given reference at the start, its rate and its acceleration, shape (3, nv).
+        gap: Blended reference (-) given reference at the start, its rate and acceleration, shape (3, nv) or (3, 6).
         offset: Torque to begin with less that of the controller inside, shape (nv,) [N·m or N].
     """
 
@@ -43,7 +43,7 @@ class SoftStartState(NamedTuple):
     ticks: int
     q: Array
     tau: Array | None
-    reference: Reference
+    reference: Any
     late: float
     clock: float
     length: float
@@ -59,7 +59,8 @@ class SoftStart(ControllerWrapper[SoftStartState, ControllerOutput]):
 
     - the torque of the tick is the one that holds the arm against gravity, or the one given to `init`, exactly. Its
       difference to the controller's own torque fades away over the start, twice continuously differentiable;
-    - the reference is the arm's own motion: q_d and v_d are the measured ones, a_d is zero at a first start. From there
+    - the reference is the arm's own motion: q_d and v_d, or the pose and velocity of the tool, are the measured ones,
+      a_d is zero at a first start. From there
       it goes over into the given reference by a polynomial of degree 5, with velocity and acceleration continuous.
       Accelerations that differ by more than `velocity` in the time of the start are left to the torque.
 
@@ -71,14 +72,17 @@ class SoftStart(ControllerWrapper[SoftStartState, ControllerOutput]):
     a paused loop continues with its present state, with or without a measured period. Where only the
     reference jumps the torque begins at that of the tick before.
 
+    Around a `CartesianController` references are `CartesianReference`, and the way back is that of the tool: straight,
+    with a rotation about one axis. tau_ext stays a torque of the joints; for a wrist sensor it is Jᵀ·wrench.
+
     The torque heeds the limits of the controller inside, its rate included. Elsewhere the controller's torque leaves to
     the bit. Put a `FaultGuard` around it, not inside: a guard has to know the torque that leaves.
 
     Attributes:
         controller: The controller inside.
         duration: Shortest time of a start [s].
-        velocity: Largest speed of the way to the given reference, shape (nv,) [rad/s or m/s].
-        acceleration: Largest acceleration of that way, shape (nv,) [rad/s² or m/s²]; +inf where there is none.
+        velocity: Largest speed of the way to the given reference, shape (nv,) [rad/s or m/s], or (6,) at the tool.
+        acceleration: Largest acceleration of that way, of the same shape [rad/s² or m/s²]; +inf where there is none.
 
     Raises:
         ParameterError: A number that is not positive.
@@ -88,11 +92,11 @@ class SoftStart(ControllerWrapper[SoftStartState, ControllerOutput]):
     duration: float
     velocity: Array
     acceleration: Array
-    _reach: Array
+    _motion: DesiredMotion
 
     def __init__(
         self,
-        controller: WrappableController[Any],
+        controller: WrappableController[Any] | CartesianControllerBase[Any],
         duration: float = 1.0,
         *,
         velocity: ArrayLike | None = None,
@@ -103,18 +107,19 @@ class SoftStart(ControllerWrapper[SoftStartState, ControllerOutput]):
         Args:
             controller: The controller; other wrappers may be inside.
             duration: Shortest time of a start [s].
-            velocity: Largest speed of the way, scalar or (nv,); half of the arm's limit by default.
-            acceleration: Largest acceleration of the way, scalar or (nv,); not bounded by default.
+            velocity: Largest speed of the way, scalar, (nv,), or (6,) at the tool; by default half of the arm's limit,
+                or `control.cartesian_defaults.TOOL_SPEED`.
+            acceleration: Largest acceleration of the way, likewise; not bounded by default.
         """
-        arm = controller.arm
-        limit = np.where(np.isfinite(arm.velocity_limit), arm.velocity_limit, FASTEST)
+        motion = desired_motion(controller)
+        usual = motion.usual_speed
         set_fields(
             self,
-            controller=of_joints(controller),
+            controller=in_joints(controller),
             duration=positive_number("duration", duration, "time in seconds"),
-            velocity=positive_or("velocity", velocity, limit / 2.0),
-            acceleration=positive_or("acceleration", acceleration, np.full(arm.nv, np.inf)),
-            _reach=2.0 * limit,
+            velocity=positive_or("velocity", velocity, usual),
+            acceleration=positive_or("acceleration", acceleration, np.full(len(usual), np.inf)),
+            _motion=motion,
         )
 
     def init(self, tau: ArrayLike | None = None) -> SoftStartState:
@@ -134,11 +139,11 @@ class SoftStart(ControllerWrapper[SoftStartState, ControllerOutput]):
             ticks=0,
             q=q,
             tau=None if tau is None else vector("tau", tau, self.arm.nv).copy(),
-            reference=Reference(q, zero, zero),
+            reference=self._motion.at_rest(),
             late=0.0,
             clock=0.0,
             length=0.0,
-            gap=np.zeros((3, self.arm.nv)),
+            gap=np.zeros((3, len(self.velocity))),
             offset=zero,
         )
 
@@ -168,13 +173,12 @@ class SoftStart(ControllerWrapper[SoftStartState, ControllerOutput]):
             state: The last state, or that of `init`.
             now: The arm at the tick to come.
         """
-        q_d, v_d, a_d = now.reference
-        way = self.arm.raw_dynamics.difference(q_d, now.q)
-        length = self._length(way)
+        gap = self._motion.gap(now)
+        length = self._length(gap[0])
         most = np.minimum(
             self.velocity / length, self.acceleration
         )  # more would take the reference far away first
-        gap = np.stack([way, now.v - v_d, np.clip(now.a - a_d, -most, most)])
+        gap[2] = np.clip(gap[2], -most, most)
         started = state._replace(
             ticks=max(state.ticks, 1), late=0.0, clock=0.0, length=length, gap=gap
         )
@@ -185,17 +189,19 @@ class SoftStart(ControllerWrapper[SoftStartState, ControllerOutput]):
     def _step(
         self, state: SoftStartState, given: Measured
     ) -> tuple[ControllerOutput, SoftStartState]:
-        q, v, reference, tau_ext = check_measurements(self.arm, given)
+        arm, motion = self.arm, self._motion
+        q, v = arm.check_configuration("q", given.q), vector("v", given.v, arm.nv)
+        reference, tau_ext = motion.check(given.reference), vector("tau_ext", given.tau_ext, arm.nv)
         state = self._fresh(state, q)
         if state.tau is None or state.ticks == 0 or self.has_jumped(state, reference):
-            rest = np.zeros(self.arm.nv)
-            tau = self.arm.raw_dynamics.bias(q, rest) if state.tau is None else state.tau
-            a = state.reference.a if state.ticks > 0 else rest
+            rest = np.zeros(arm.nv)
+            tau = arm.raw_dynamics.bias(q, rest) if state.tau is None else state.tau
+            a = motion.joint_acceleration(state.reference, q, v) if state.ticks > 0 else rest
             state = self.handover(state, Situation(q, v, a, reference, tau, tau_ext))
         return self.follow(state, q, v, reference, tau_ext)
 
     def follow(
-        self, state: SoftStartState, q: Array, v: Array, reference: Reference, tau_ext: Array
+        self, state: SoftStartState, q: Array, v: Array, reference: Any, tau_ext: Array
     ) -> tuple[ControllerOutput, SoftStartState]:
         """Compute the torque of one tick without looking whether a start is due; inputs are sound.
 
@@ -220,7 +226,7 @@ class SoftStart(ControllerWrapper[SoftStartState, ControllerOutput]):
             ticks=state.ticks + 1,
             q=np.array(q),
             tau=np.array(output.tau),
-            reference=Reference(*map(np.array, reference)),
+            reference=copied(reference),
             late=0.0,
             clock=state.clock if is_over else state.clock + self.dt,
             offset=offset,
@@ -229,24 +235,22 @@ class SoftStart(ControllerWrapper[SoftStartState, ControllerOutput]):
     def _fresh(self, state: SoftStartState, q: Array) -> SoftStartState:
         """The state, or a new one where the arm is elsewhere than it can have moved to since the tick before."""
         way = self.arm.raw_dynamics.difference(state.q, q)
-        is_elsewhere = (np.abs(way) > self._reach * (self.dt + state.late)).any()
+        is_elsewhere = (np.abs(way) > 2.0 * self._motion.fastest * (self.dt + state.late)).any()
         return self.init() if state.ticks > 0 and is_elsewhere else state
 
-    def has_jumped(self, state: SoftStartState, reference: Reference) -> bool:
+    def has_jumped(self, state: SoftStartState, reference: Any) -> bool:
         """Return whether the reference has moved more than possible since the previous tick.
 
         Args:
             state: From the tick before.
             reference: Desired motion at this tick.
         """
-        way = self.arm.raw_dynamics.difference(state.reference.q, reference.q)
-        return bool((np.abs(way) > self._reach * (self.dt + state.late)).any())
+        return self._motion.has_jumped(state.reference, reference, state.q, self.dt + state.late)
 
-    def _blended(self, state: SoftStartState, reference: Reference) -> Reference:
+    def _blended(self, state: SoftStartState, reference: Any) -> Any:
         """The given reference with the remaining gap to it."""
-        q_d, v_d, a_d = reference
-        gap, rate, acceleration = _closing(state.gap, state.length, state.clock)
-        return Reference(self.arm.raw_dynamics.integrate(q_d, gap), v_d + rate, a_d + acceleration)
+        gap = np.stack(_closing(state.gap, state.length, state.clock))
+        return self._motion.moved(reference, gap)
 
     def _length(self, gap: Array) -> float:
         """Time in which the gap is closed within the bounds."""
