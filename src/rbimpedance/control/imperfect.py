@@ -120,13 +120,23 @@ class ImperfectController(ControllerWrapper[ImperfectState, ControllerOutput]):
         """
         return state._replace(pending=(), inner=self.controller.handover(state.inner, now))
 
+    @property
+    def is_noisy(self) -> bool:
+        """Whether there is noise on any joint."""
+        return bool(self.position_noise.any() or self.velocity_noise.any())
+
+    def noise(self, tick: int) -> Array:
+        """Return the noise on q and v at a tick, shape (2, nv)."""
+        white = np.random.default_rng((self.seed, tick)).standard_normal((2, self.arm.nv))
+        noise: Array = np.stack([self.position_noise, self.velocity_noise]) * white
+        return noise
+
     def _measure(self, tick: int, given: Measured) -> Measurement:
         arm = self.arm
         q, v = arm.check_configuration("q", given.q), vector("v", given.v, arm.nv)
-        rng = np.random.default_rng((self.seed, tick))
-        on_q, on_v = rng.standard_normal((2, arm.nv))
+        on_q, on_v = self.noise(tick)
         return Measurement(
-            arm.raw_dynamics.integrate(q, self.position_noise * on_q),
-            v + self.velocity_noise * on_v,
+            arm.raw_dynamics.integrate(q, on_q),
+            v + on_v,
             vector("tau_ext", given.tau_ext, arm.nv).copy(),
         )

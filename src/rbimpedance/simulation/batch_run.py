@@ -13,6 +13,7 @@ from .batch_log import BatchLog
 from .closed_loop import ClosedLoop, empty_channels, run
 from .compiled_runs import verified_world
 from .driven_runs import DrivenRun, driven_run, has_driven_form
+from .imperfect_runs import ImperfectRun, has_imperfect_form
 from .result import SETTLING_TOLERANCES, SimulationResult
 
 if TYPE_CHECKING:
@@ -60,7 +61,9 @@ def run_worlds(
     )
     if after is not None:
         _first_tick(after, loops[0])
-    driven = [i for i, loop in enumerate(loops) if has_driven_form(loop)]
+    driven = [
+        i for i, loop in enumerate(loops) if has_driven_form(loop) or has_imperfect_form(loop)
+    ]
     known: dict[int, Controlled] = {}
     worlds = {
         i: verified_world(loop, known, _STATES) for i, loop in enumerate(loops) if i not in driven
@@ -73,7 +76,7 @@ def run_worlds(
         first = None if after is None else _first_tick(after, loops[0])
         left += CompiledWorlds(loops, compiled, log, first).run(threads)
     if driven:
-        left += _run_on_drives(loops, driven, log, after, threads)
+        left += _run_around_laws(loops, driven, log, after, threads)
     for i in left:
         _keep(i, _outcome(loops[i]), log, after)
     return log
@@ -90,20 +93,27 @@ def _first_tick(after: float, loop: ClosedLoop) -> int:
     return first
 
 
-def _run_on_drives(
+def _run_around_laws(
     loops: list[ClosedLoop],
     driven: Sequence[int],
     log: BatchLog,
     after: float | None,
     threads: int,
 ) -> list[int]:
-    """Run worlds on drives, as many at once as there are threads; return those that are left to the readable form."""
+    """Run worlds whose law is behind drives or sensors, as many at once as there are threads.
+
+    Returns:
+        Those that are left to the readable form.
+    """
     refused: list[int] = []
+    known: dict[int, Controlled] = {}
     with ThreadPoolExecutor(threads) as pool:
         for start in range(0, len(driven), threads):
             some = driven[start : start + threads]
-            runs = [driven_run(loops[i]) for i in some]  # not in threads: they may share an arm
-            for i, outcome in zip(some, pool.map(_driven_outcome, runs), strict=True):
+            runs = [
+                _fast_run(loops[i], known) for i in some
+            ]  # not in threads: they may share an arm
+            for i, outcome in zip(some, pool.map(_fast_outcome, runs), strict=True):
                 if outcome is None:
                     refused.append(i)
                 else:
@@ -111,7 +121,13 @@ def _run_on_drives(
     return refused
 
 
-def _driven_outcome(run: DrivenRun | None) -> SimulationResult | DivergenceError | None:
+def _fast_run(loop: ClosedLoop, known: dict[int, Controlled]) -> DrivenRun | ImperfectRun | None:
+    return ImperfectRun(loop, known, _STATES) if has_imperfect_form(loop) else driven_run(loop)
+
+
+def _fast_outcome(
+    run: DrivenRun | ImperfectRun | None,
+) -> SimulationResult | DivergenceError | None:
     try:
         return None if run is None else run.result()
     except DivergenceError as error:

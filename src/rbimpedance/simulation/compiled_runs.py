@@ -60,7 +60,7 @@ def run_compiled(
             on_tick(block.ticks.stop - 1, loop.ticks)
         return outcome
 
-    return _run_by_blocks(loop, world, run_block, checkpoint)
+    return run_by_blocks(loop, world, run_block, checkpoint)
 
 
 def run_around_pinocchio(
@@ -89,7 +89,7 @@ def run_around_pinocchio(
         world = new_world(loop, known, read(loop.plant))
     except UnsupportedJointError:
         return None
-    return _run_by_blocks(loop, world, _around_pinocchio(loop, world, on_tick), checkpoint)
+    return run_by_blocks(loop, world, _around_pinocchio(loop, world, on_tick), checkpoint)
 
 
 def _around_pinocchio(loop: ClosedLoop, world: World, on_tick: OnTick | None) -> RunBlock:
@@ -126,7 +126,7 @@ def _around_pinocchio(loop: ClosedLoop, world: World, on_tick: OnTick | None) ->
     return run_block
 
 
-def _run_by_blocks(
+def run_by_blocks(
     loop: ClosedLoop, world: World, run_block: RunBlock, checkpoint: Checkpoint | None
 ) -> SimulationResult | None:
     """Run a loop block of ticks by block; None where the compiled tick refuses inputs that the readable one takes."""

@@ -29,6 +29,7 @@ from .checkpoint import Checkpoint
 from .closed_loop import ClosedLoop, OnTick, run
 from .compiled_runs import reason_against, run_around_pinocchio, run_compiled
 from .driven_runs import run_driven
+from .imperfect_runs import run_imperfect
 from .joint_stops import JointStops
 from .plants import DrivenPlant, Plant
 from .plants.integrators import INTEGRATORS, Integrator
@@ -144,9 +145,11 @@ def simulate(  # noqa: PLR0913 (what acts on a run, each given by name)
         integrator=integrator,
         joint_stops=joint_stops,
     )
-    run_fast = {"numpy": run_driven, "pinocchio": run_around_pinocchio, "compiled": run_compiled}[
-        _backend(loop)
-    ]
+    run_fast = {
+        "numpy": _run_around_law,
+        "pinocchio": run_around_pinocchio,
+        "compiled": run_compiled,
+    }[_backend(loop)]
     result = run_fast(loop, on_tick, checkpoint)
     return run(loop, on_tick, checkpoint) if result is None else result
 
@@ -167,6 +170,14 @@ def on_hardware(
     if hardware.encoder_bits is None:
         return controller, driven
     return QuantizedEncoders.for_(hardware, controller), driven
+
+
+def _run_around_law(
+    loop: ClosedLoop, on_tick: OnTick | None, checkpoint: Checkpoint | None
+) -> SimulationResult | None:
+    """Run a loop whose law is behind sensors or drives by compiled code; None where it has no compiled form."""
+    result = None if checkpoint is not None else run_imperfect(loop, on_tick)
+    return run_driven(loop, on_tick, checkpoint) if result is None else result
 
 
 def _backend(loop: ClosedLoop) -> Backend:

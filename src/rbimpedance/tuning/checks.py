@@ -12,6 +12,7 @@ from .._common.arrays import Array
 from ..law.certificate import Certificate, certify
 from ..law.impedance import Impedance
 from .gain_design import Design, DesignTask, Measured, design
+from .stated import Stated, stated
 from .torque_demand import TorqueDemand
 from .torque_limits import demand_of, exertion_of, refused_for_torque, without_reserve
 from .worst_case import ExtremeCase, worst_cases
@@ -29,12 +30,14 @@ class Checked(NamedTuple):
         certificate: Theorem 1 for the effective gains; None where the margin is infinite.
         worst: The simulated worst samples.
         demand: What the motion asks of the joints against their limits; None where there are none.
+        stated: What is stated of the closed loop.
     """
 
     design: Design
     certificate: Certificate | None
     worst: tuple[ExtremeCase, ...]
     demand: TorqueDemand | None
+    stated: Stated
 
 
 def solve(task: DesignTask, measured: Measured, impedance: Impedance, q0: Array) -> Checked:
@@ -74,7 +77,7 @@ def solve(task: DesignTask, measured: Measured, impedance: Impedance, q0: Array)
             firmer *= FIRMER
         else:
             break
-    return Checked(found, certificate, worst, demand)
+    return Checked(found, certificate, worst, demand, stated(task, found, certificate, worst))
 
 
 def _until_failure(cases: Iterator[ExtremeCase]) -> tuple[ExtremeCase, ...]:

@@ -55,6 +55,7 @@ class GainProposal:
         uncertainty: What is not known.
         trajectory: The motion that it was made for.
         dt: Control period [s].
+        duration: Length of the motion that was checked [s].
         surface: Sliding surface.
         k1: Gain of the root [rad^½/s^(3/2)].
         k2: Gain of the integral [rad/s³].
@@ -62,8 +63,13 @@ class GainProposal:
         mismatch: The bounds behind the gains.
         coupling: Whether the joints' laws are stable together, whatever the gains.
         gain_limit: Input gain that the scheme tolerates at this margin and period; 0 where there is none.
-        error: Error e1 that the disturbance leaves, estimated from its largest rate at the sampled instants; the
-            sampling and reversals of friction in between come on top. `worst` has simulated errors [rad or m].
+        error: Largest error abs(e1) after `total_time`, and `s_error`, `peak`, `peak_torque`, `reaching_time`: see
+            `stated.Stated`. They are estimates from `worst`, with headroom, not proven bounds [rad or m].
+        s_error: Largest abs(s) after `reaching_time` [rad/s or m/s].
+        peak: Largest error abs(e1) from the start on [rad or m].
+        peak_torque: Largest torque from the start on [N·m or N].
+        reaching_time: From then on abs(s) is no larger than the s that belongs to `error` [s].
+        total_time: From then on abs(e1) is no larger than `error` [s].
         noise_error: Error e1 caused by sensor noise [rad or m].
         noise_torque: Torque caused by it, about [N·m or N].
         certificate: Theorem 1 for the effective gains at the smallest input gain; None where the margin is infinite.
@@ -83,6 +89,7 @@ class GainProposal:
     uncertainty: Uncertainty
     trajectory: Trajectory
     dt: float
+    duration: float
     surface: Surface
     k1: Array
     k2: Array
@@ -91,6 +98,11 @@ class GainProposal:
     coupling: Coupling
     gain_limit: float
     error: Array
+    s_error: Array
+    peak: Array
+    peak_torque: Array
+    reaching_time: Array
+    total_time: Array
     noise_error: Array
     noise_torque: Array
     certificate: Certificate | None
@@ -146,14 +158,12 @@ class GainProposal:
         )
 
     def _explain_error(self) -> str:
-        """The error in simulation, and the part of it that was predicted."""
+        """The errors that are stated, on the way and afterwards."""
         unit = error_unit(self.nominal)
-        late = max((float(case.error.max()) for case in self.worst if not case.noisy), default=0.0)
-        if late <= self.error.max():
-            return f"The error that is left is about {self.error.max():.2g} {unit}."
         return (
-            f"The error that is left is {late:.2g} {unit} in simulation; the disturbance alone makes about "
-            f"{self.error.max():.2g} of it."
+            f"From {self.total_time.max():.2g} s on the error is {self.error.max():.2g} {unit} at most, and "
+            f"{self.peak.max():.2g} {unit} before: estimates from simulated worst cases, over the first "
+            f"{self.duration:g} s of the motion."
         )
 
     def _explain_remedies(self) -> str:
@@ -332,6 +342,7 @@ def _proposal(task: DesignTask, checked: Checked, tried: Tried) -> GainProposal:
         remedies=tried.remedies,
         tried=tried,
         trajectory=task.trajectory,
+        duration=task.duration,
         surface=found.surface,
         k1=found.k1,
         k2=found.k2,
@@ -339,7 +350,7 @@ def _proposal(task: DesignTask, checked: Checked, tried: Tried) -> GainProposal:
         mismatch=found.measured.mismatch,
         coupling=cast("Coupling", found.measured.coupling),
         gain_limit=found.gain_limit,
-        error=found.error,
+        **checked.stated._asdict(),
         noise_error=found.noise_error,
         noise_torque=found.noise_torque,
         certificate=checked.certificate,

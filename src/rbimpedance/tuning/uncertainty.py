@@ -133,6 +133,26 @@ class Uncertainty:
         ]
         return tuple(self._plant(arm, each, seed=1000 * seed + i) for i, each in enumerate(drawn))
 
+    def dimension(self, arm: ArmModel) -> int:
+        """Return the number of quantities that plants of an arm may differ in, each joint and axis counted apart."""
+        return sum(low.size for low, _ in self._ranges(arm).values())
+
+    def at(self, arm: ArmModel, share: Array, *, seed: int = 0) -> PlantSample:
+        """Return the plant at one point of the ranges, as for a design of experiments (`scipy.stats.qmc`).
+
+        Args:
+            arm: The arm as it is modelled.
+            share: Of each range, 0 at its lowest end and 1 at its highest, shape (`dimension`,): payload, inertia
+                scale, gyration, armature, viscous and dry friction and torque constant of every joint, position of the
+                payload, tilt about x and y.
+            seed: Of the noise.
+        """
+        ranges = self._ranges(arm)
+        ends = np.cumsum([low.size for low, _ in ranges.values()])[:-1]
+        parts = zip(ranges.items(), np.split(share, ends), strict=True)
+        drawn = {name: low + part * (high - low) for (name, (low, high)), part in parts}
+        return self._plant(arm, drawn, seed=seed)
+
     def outside(self, sample: PlantSample) -> tuple[str, ...]:
         """Return in words what of an arm lies outside these ranges, so that gains that were made for them need not do.
 

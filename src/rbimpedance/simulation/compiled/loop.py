@@ -165,7 +165,7 @@ def _rollout(
         if k == ticks[LAST]:
             break
         for i in range(ticks[SUBSTEPS]):
-            _physics_step(plant, environment, desk, clock, row + i * stages, i == 0, motion)
+            physics_step(plant, environment, desk, clock, row + i * stages, i == 0, motion)
             joint = runaway(motion.v, clock.step[1])
             if joint >= 0:
                 clock.outcome[TICK], clock.outcome[JOINT] = k, joint
@@ -235,7 +235,7 @@ def update_impedance_error(
 
 
 @fused
-def _physics_step(
+def physics_step(
     plant: PlantTables,
     environment: Environment,
     desk: LoopWorkspace,
@@ -264,7 +264,7 @@ def semi_implicit_step(
     is_first: bool,
     motion: PlantMotion,
 ) -> None:
-    """One step of semi-implicit Euler, which may take friction at the step's end; see `_physics_step`."""
+    """One step of semi-implicit Euler, which may take friction at the step's end; see `physics_step`."""
     h = clock.step[0]
     if not is_first:
         update_tau_ext(plant, desk.plant, environment, row, motion.q, motion)

@@ -30,6 +30,7 @@ from .loop import (
     UNSOUND,
     Between,
     Clock,
+    CompiledOnce,
     Controlled,
     LoopWorkspace,
     Memory,
@@ -197,15 +198,21 @@ class World:
             self.clock(block.ticks), block.journal, no_figures(), self.memory.even, np.zeros(len(motion.v)),
         )  # fmt: skip
 
-    def run(self, block: Block) -> Outcome:
-        """Do a block of ticks, without the interpreter's lock."""
+    def run(self, block: Block, run: CompiledOnce = rollout, *more: Any) -> Outcome:
+        """Do a block of ticks, without the interpreter's lock.
+
+        Args:
+            block: The ticks.
+            run: The loop.
+            *more: Its further arguments.
+        """
         own_tick = self.own_tick(block.desk)  # its words have to live as long as the call
         clock = self.clock(block.ticks, own_tick)
         arguments = (
             self.controlled, self.plant, self.surroundings.driven(block.drive), ReferenceSamples(*block.reference),
             self.memory, block.desk, clock, block.journal, block.figures or no_figures(),
         )  # fmt: skip
-        status = rollout(*arguments)
+        status = run(*arguments, *more)
         tick, joint = clock.outcome.tolist()
         return Outcome(_ENDINGS[status], tick, joint)
 

@@ -1,0 +1,1 @@
+"""An attack on the promises beside proposed gains: python -m benchmarks.tuning.adversary."""
