@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from math import log, log1p
 from time import perf_counter, sleep
 from typing import NamedTuple, Protocol
 
@@ -15,6 +16,7 @@ RESOLUTION = 1e-3
 """Share of itself to which a percentile of the periods is known."""
 
 _SHORTEST, _LONGEST = 1e-6, 1e3  # s: what the histogram covers
+_BIN = log1p(RESOLUTION)
 
 
 class Limiter(Protocol):
@@ -58,6 +60,41 @@ class AbsoluteRate:
                 return
             self.slack = -late
         self._due = self._clock() + self.period
+
+
+class TimeHistogram:
+    """Percentiles of times, good to `RESOLUTION`, in memory that does not grow.
+
+    Attributes:
+        longest: The longest time so far [s].
+    """
+
+    def __init__(self) -> None:
+        bins = int(np.log(_LONGEST / _SHORTEST) / np.log1p(RESOLUTION)) + 2
+        self._counts = np.zeros(bins, dtype=np.int64)
+        self.longest = 0.0
+
+    def add(self, time: float) -> None:
+        """Count a time [s]."""
+        self.longest = max(self.longest, time)
+        size = min(max(time, _SHORTEST), _LONGEST) / _SHORTEST
+        self._counts[int(log(size) / _BIN)] += 1
+
+    @property
+    def count(self) -> int:
+        """How many times there were."""
+        return int(self._counts.sum())
+
+    def percentile(self, share: float) -> float:
+        """Return the middle of the bin in which a percentile is, at most the longest time; NaN without times.
+
+        Args:
+            share: 0.5 for the median.
+        """
+        if self.count == 0:
+            return float("nan")
+        bin_ = int(np.searchsorted(np.cumsum(self._counts), share * self.count))
+        return float(min(_SHORTEST * (1.0 + RESOLUTION) ** (bin_ + 0.5), self.longest))
 
 
 class LoopReport(NamedTuple):
@@ -126,9 +163,7 @@ class Loop:
         self._start: float | None = None
         self._now = 0.0
         self._overruns = self._missed = 0
-        self._longest = 0.0
-        bins = int(np.log(_LONGEST / _SHORTEST) / np.log1p(RESOLUTION)) + 2
-        self._counts = np.zeros(bins, dtype=np.int64)
+        self._periods = TimeHistogram()
 
     def __iter__(self) -> Iterator[float]:
         while True:
@@ -153,22 +188,12 @@ class Loop:
 
     def report(self) -> LoopReport:
         """Return how well the period was kept so far; percentiles of no periods are NaN."""
-        ticks = int(self._counts.sum())
-        p50, p99 = (self._percentile(ticks, share) for share in (0.5, 0.99))
-        return LoopReport(ticks, self._overruns, self._missed, p50, p99, self._longest)
+        periods = self._periods
+        p50, p99 = (periods.percentile(share) for share in (0.5, 0.99))
+        return LoopReport(periods.count, self._overruns, self._missed, p50, p99, periods.longest)
 
     def _count(self, period: float, slack: float) -> None:
         if slack < 0.0:
             self._overruns += 1
             self._missed += int(-slack / self.dt)
-        self._longest = max(self._longest, period)
-        size = np.clip(period, _SHORTEST, _LONGEST) / _SHORTEST
-        self._counts[int(np.log(size) / np.log1p(RESOLUTION))] += 1
-
-    def _percentile(self, ticks: int, share: float) -> float:
-        """Middle of the bin in which the percentile is, at most the longest period."""
-        if ticks == 0:
-            return float("nan")
-        bin_ = int(np.searchsorted(np.cumsum(self._counts), share * ticks))
-        middle = _SHORTEST * (1.0 + RESOLUTION) ** (bin_ + 0.5)
-        return float(min(middle, self._longest))
+        self._periods.add(period)
