@@ -29,6 +29,7 @@ LAYERS = (
     ("simulation",),
     ("tuning",),
     ("study",),
+    ("hardware",),
     ("pictures",),
     ("__init__",),
     ("cli",),

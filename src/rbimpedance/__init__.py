@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from ._common import first_sign as _first_sign  # noqa: F401  (first: it waits for the others)
 
 # isort: split
+from . import hardware as hardware
 from . import interaction as interaction
 from . import simulation as simulation
 from . import study as study
@@ -54,6 +55,8 @@ from .exceptions import ModelError as ModelError
 from .exceptions import NonFiniteError as NonFiniteError
 from .exceptions import ParameterError as ParameterError
 from .exceptions import RBImpedanceError as RBImpedanceError
+from .exceptions import RobotError as RobotError
+from .exceptions import UnsafeError as UnsafeError
 from .exceptions import UnsupportedJointError as UnsupportedJointError
 from .interaction import FrameWrench as FrameWrench
 from .interaction import Interaction as Interaction
@@ -138,7 +141,15 @@ _RENAMED = {
 }
 """Old public names, kept for one release, and the new ones."""
 
-_ROOMS = {"baselines", "interaction", "scenarios", "simulation", "study", "trajectories"}
+_ROOMS = {
+    "baselines",
+    "hardware",
+    "interaction",
+    "scenarios",
+    "simulation",
+    "study",
+    "trajectories",
+}
 """Modules that are public by themselves."""
 
 _sys.meta_path.append(_MovedModules())

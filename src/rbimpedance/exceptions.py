@@ -183,10 +183,12 @@ class RobotError(RBImpedanceError, RuntimeError):
     Attributes:
         robot: Name of the robot.
         reason: What it reports.
+        run: The `RobotRun` up to then; None before a run.
     """
 
     robot: str
     reason: str
+    run: Any = None
 
     def __str__(self) -> str:
         return f"{self.robot}: {self.reason}"
