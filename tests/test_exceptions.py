@@ -45,6 +45,16 @@ ERRORS: dict[str, tuple[rbi.RBImpedanceError, dict[str, object], str]] = {
         "the result so far is in the error's .result. Lower gains, a shorter period, "
         "a smaller payload or known armature are the usual remedies",
     ),
+    "UnsafeError": (
+        rbi.UnsafeError("fr3", ["it moves", "no limits"]),
+        {"robot": "fr3", "reasons": ("it moves", "no limits")},
+        "fr3 is not driven: it moves; no limits",
+    ),
+    "RobotError": (
+        rbi.RobotError("fr3", "reflex", "record"),
+        {"robot": "fr3", "reason": "reflex", "run": "record"},
+        "fr3: reflex",
+    ),
     "MissingExtraError": (
         rbi.MissingExtraError("the robot 'x'", "descriptions"),
         {"feature": "the robot 'x'", "extra": "descriptions"},
@@ -80,6 +90,8 @@ def test_error_keeps_message_and_attributes(
         (rbi.JointLimitError, rbi.InputError),
         (rbi.UnsupportedJointError, rbi.ModelError),
         (rbi.DivergenceError, ArithmeticError),
+        (rbi.UnsafeError, ValueError),
+        (rbi.RobotError, RuntimeError),
         (rbi.MissingExtraError, ImportError),
     ],
 )

@@ -1,6 +1,7 @@
-"""The command line: `rbimpedance run`, `tune`, `inspect`, `view`, `robots`, `paper`, `study` and `bench`.
+"""The command line: `rbimpedance run`, `tune`, `inspect`, `view`, `robots`, `paper`, `study`, `connect` and `bench`.
 
-Exit codes: 0 done, 1 failed (an arm was lost, or no gains do), 2 bad input, 130 a study was stopped by Ctrl-C.
+Exit codes: 0 done, 1 failed (an arm was lost, a robot stopped, or no gains do), 2 bad input, 130 a study was stopped by
+Ctrl-C.
 """
 
 from __future__ import annotations
@@ -14,8 +15,9 @@ import typer
 
 from .. import __version__
 from .._common import first_sign
-from ..exceptions import DivergenceError, RBImpedanceError
+from ..exceptions import DivergenceError, RBImpedanceError, RobotError
 from .bench import bench
+from .connect import connect
 from .inspect import inspect
 from .paper import paper
 from .recording import BAD_INPUT, FAILED
@@ -42,6 +44,7 @@ _EXAMPLES: dict[Callable[..., None], str] = {
     robots: "robots ur",
     paper: "paper --surface fast-terminal --scheme matched --out out",
     study: "study standard --jobs 2",
+    connect: "connect sim two_link --payload 0.3 --duration 5",
     bench: "bench panda --compare before.json",
 }
 for _command, _example in _EXAMPLES.items():
@@ -66,7 +69,7 @@ def main() -> None:
         with warnings.catch_warnings():
             warnings.showwarning = _say_warning
             app()
-    except DivergenceError as error:
+    except (DivergenceError, RobotError) as error:
         _leave(f"failed: {error}", FAILED)
     except RBImpedanceError as error:
         _leave(f"error: {error}", BAD_INPUT)

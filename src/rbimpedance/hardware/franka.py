@@ -25,13 +25,13 @@ FR3 = Conventions(
     adds_friction=True,
     longest_gap=20,
     notes=(
-        "the robot adds the gravity torque of itself, its end effector and the load that it was told; the command goes "
+        "the robot adds the gravity torque of itself, its end effector and the declared load; the command goes "
         "without it",
         "a command may differ from the one before by 1 N·m (1000 N·m/s): controller_torque_discontinuity",
         "a cycle without a command repeats the last torque; 20 in a row stop the robot: "
         "communication_constraints_violation",
-        "the reflex stops the robot where its estimate of the external torque passes `collision`; a payload that it "
-        "was not told of is part of that",
+        "the reflex stops the robot where its estimate of the external torque passes `collision`; an undeclared "
+        "payload is part of that",
         "the motors' friction is compensated below the torque command",
         "q and v are of the joints in rad and rad/s; forces of O_F_ext are in the base frame O, of K_F_ext in the "
         "stiffness frame K",
@@ -63,7 +63,7 @@ class Franka:
 
     Args:
         host: Address of the robot.
-        arm: The robot as it knows itself, with the end effector and the load that it was told, if it does not report
+        arm: The robot as it knows itself, with the end effector and the declared load, if it does not report
             its gravity: a server that simulates one may not.
         realtime: Whether a kernel with real-time scheduling is required (PREEMPT_RT).
         collision: Thresholds of the external torque at which the reflex stops the robot, shape (7,) [N·m]; the forces

@@ -91,7 +91,7 @@ class SimulatedRobot:
         self._runs, self._unanswered = True, 0
 
     def stop(self) -> None:
-        """End torque control: the arm stands still, as with its brakes on; see `Robot.stop`."""
+        """End torque control: the arm is at rest, as with its brakes on; see `Robot.stop`."""
         q, v = self._plant.measured(self._state)
         h = self.conventions.period / self._substeps
         self._state = self._plant.begin(q, np.zeros_like(v), h)
@@ -104,7 +104,7 @@ class SimulatedRobot:
         return self._arm.raw_dynamics.bias(q, rest) if self.conventions.adds_gravity else rest
 
     def read(self) -> RobotState:
-        """Go on to the next cycle whose state arrives; see `Robot.read`."""
+        """Continue to the next cycle whose state arrives; see `Robot.read`."""
         for _ in range(self._cycles_to_pass()):
             self._pass_cycle()
         while self._runs and self._is_lost():

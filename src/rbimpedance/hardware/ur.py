@@ -52,7 +52,7 @@ def conventions(kind: str = "ur5e", *, torque_rate: ArrayLike = 2000.0) -> Conve
         longest_gap=10,
         notes=(
             "direct torque needs PolyScope 5.23 or 10.10, and remote control",
-            "the robot adds the gravity torque of itself and the payload that it was told; the command goes without it",
+            "the robot adds the gravity torque of itself and the declared payload; the command goes without it",
             "the robot compensates 80 to 90 % of its joints' friction, as the client asks with every command",
             "q and v are of the joints in rad and rad/s; the base frame is turned by half a turn about z against the "
             "URDF's base_link",
@@ -71,7 +71,7 @@ class UniversalRobot:
 
     Args:
         host: Address of the robot.
-        arm: The robot as it knows itself, with the payload that it was told: it reports no gravity torque.
+        arm: The robot as it knows itself, with the declared payload: it reports no gravity torque.
         kind: One of `EFFORT`.
         torque_rate: Largest change of the command in a second, scalar or (6,) [N·m/s].
 

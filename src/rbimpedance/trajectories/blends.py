@@ -48,12 +48,12 @@ class Gap:
 
 @dataclass(frozen=True, eq=False)
 class ToRest:
-    """A trajectory that comes to rest from any motion: position, velocity and acceleration go on without a jump.
+    """A trajectory that comes to rest from any motion: position, velocity and acceleration continue without a jump.
 
     Attributes:
         arm: The arm.
         begin: The motion at the start.
-        gap: What remains of the way.
+        gap: The rest of the way.
         end: Where it comes to rest, shape (nq,).
     """
 

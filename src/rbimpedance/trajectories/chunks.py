@@ -17,7 +17,7 @@ from .reference import Reference, Trajectory
 from .samples import path_through
 
 MEMORY = 1000
-"""Chunks that are remembered: a reference can be asked for times since then."""
+"""Chunks that are remembered: the reference is known at times since then."""
 
 _JERK_OF_WAY, _JERK_OF_RATE, _JERK_OF_ACCELERATION = 60.0, 36.0, 9.0
 """Largest jerk of the polynomial that closes a gap of 1 in position, rate or acceleration in a time of 1."""
