@@ -11,11 +11,31 @@ from ..robot.arm_model import ArmModel
 from .reference import Reference
 
 
-@dataclass(frozen=True, eq=False)
-class Gap:
-    """A motion from (g, ġ, g̈) at a time to rest at zero a while later, of degree 5 in the time.
+def closing(gap: Array, length: float, clock: float) -> tuple[Array, Array, Array]:
+    """Return the polynomial of degree 5 from `gap` to zero, and its two derivatives.
 
     With y = 1 - t/T it is y³·(c0 + c1·(1-y) + c2·(1-y)²): zero with two derivatives at y = 0.
+
+    Args:
+        gap: (g, ġ, g̈) at the start, shape (3, nv).
+        length: T [s].
+        clock: Time since the start, at most T [s].
+    """
+    x, y, T = clock / length, 1.0 - clock / length, length
+    g, rate, acceleration = gap[0], T * gap[1], T**2 * gap[2]
+    c0, c1 = g, rate + 3.0 * g
+    c2 = acceleration / 2.0 + 3.0 * c1 - 3.0 * g
+    p, dp, ddp = c0 + c1 * x + c2 * x**2, c1 + 2.0 * c2 * x, 2.0 * c2
+    return (
+        y**3 * p,
+        (y**3 * dp - 3.0 * y**2 * p) / T,
+        (y**3 * ddp - 6.0 * y**2 * dp + 6.0 * y * p) / T**2,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Gap:
+    """A motion from (g, ġ, g̈) at a time to rest at zero a while later, see `closing`.
 
     Attributes:
         start: When it begins [s].
@@ -29,21 +49,10 @@ class Gap:
 
     def __call__(self, t: float) -> tuple[Array, Array, Array]:
         """Return gap, rate and acceleration at a time [s]; zero from the end on."""
-        T = self.length
-        x = (t - self.start) / T
-        if x >= 1.0:
+        if t - self.start >= self.length:
             zero = np.zeros_like(self.begin[0])
             return zero, zero, zero
-        y = 1.0 - x
-        g, rate, acceleration = self.begin[0], T * self.begin[1], T**2 * self.begin[2]
-        c0, c1 = g, rate + 3.0 * g
-        c2 = acceleration / 2.0 + 3.0 * c1 - 3.0 * g
-        p, dp, ddp = c0 + c1 * x + c2 * x**2, c1 + 2.0 * c2 * x, 2.0 * c2
-        return (
-            y**3 * p,
-            (y**3 * dp - 3.0 * y**2 * p) / T,
-            (y**3 * ddp - 6.0 * y**2 * dp + 6.0 * y * p) / T**2,
-        )
+        return closing(self.begin, self.length, t - self.start)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from ..._common.arrays import Array, positive_number, positive_or, vector
 from ..._common.frozen import set_fields
 from ...law.limits import Limits
+from ...trajectories.blends import closing
 from ..cartesian_base import CartesianControllerBase
 from ..protocol import LONGEST_PERIOD, Measured, WrappableController
 from ..telemetry import ControllerOutput, Situation
@@ -249,7 +250,7 @@ class SoftStart(ControllerWrapper[SoftStartState, ControllerOutput]):
 
     def _blended(self, state: SoftStartState, reference: Any) -> Any:
         """The given reference with the remaining gap to it."""
-        gap = np.stack(_closing(state.gap, state.length, state.clock))
+        gap = np.stack(closing(state.gap, state.length, state.clock))
         return self._motion.moved(reference, gap)
 
     def _length(self, gap: Array) -> float:
@@ -258,23 +259,6 @@ class SoftStart(ControllerWrapper[SoftStartState, ControllerOutput]):
         by_speed = _PEAK_SPEED * way / self.velocity
         by_acceleration = np.sqrt(_PEAK_ACCELERATION * way / self.acceleration)
         return float(max(self.duration, by_speed.max(), by_acceleration.max()))
-
-
-def _closing(gap: Array, length: float, clock: float) -> tuple[Array, Array, Array]:
-    """The polynomial of degree 5 from `gap` = (g, ġ, g̈) to zero in a time `length`, and its two derivatives.
-
-    With y = 1 - t/T it is y³·(c0 + c1·(1-y) + c2·(1-y)²): zero with two derivatives at y = 0.
-    """
-    x, y, T = clock / length, 1.0 - clock / length, length
-    g, rate, acceleration = gap[0], T * gap[1], T**2 * gap[2]
-    c0, c1 = g, rate + 3.0 * g
-    c2 = acceleration / 2.0 + 3.0 * c1 - 3.0 * g
-    p, dp, ddp = c0 + c1 * x + c2 * x**2, c1 + 2.0 * c2 * x, 2.0 * c2
-    return (
-        y**3 * p,
-        (y**3 * dp - 3.0 * y**2 * p) / T,
-        (y**3 * ddp - 6.0 * y**2 * dp + 6.0 * y * p) / T**2,
-    )
 
 
 def _way(x: float) -> float:
