@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -14,7 +16,7 @@ from rbimpedance.control.estimation import (
 )
 from rbimpedance.control.estimation.differentiator import implicit_correction
 from rbimpedance.control.estimation.extended_state import correction
-from rbimpedance.control.estimation.friction_learning import Expectation, released
+from rbimpedance.control.estimation.friction_learning import OWN, Expectation, released, waves
 
 from ..arms import pendulum, spinner
 
@@ -85,17 +87,40 @@ def test_gate_stays_closed_under_noise_of_a_count_and_opens_at_a_disturbance() -
     assert closing[-1].opening < 0.02
 
 
+def follow(late: Any, torque: Any, share: Any) -> None:
+    """What an observer makes of a torque: three low-passes."""
+    for k in range(3):
+        late[k] += share * (torque - late[k])
+        torque = late[k]
+
+
+def test_ripple_is_learned_beside_friction_at_a_bandwidth_below_its_frequency() -> None:
+    """Ripple of 42 rad/s behind an observer of 27 rad/s, on a torque of 60 N·m."""
+    expected = Expectation(
+        np.zeros((7, 1)), np.array([[2.0], [1.0], [0.1], *[[0.03]] * 2, *[[1e-3]] * 2])
+    )
+    learner, omega = FrictionLearner(1, H, expected=expected), np.array([27.0])
+    state, late, share, N = learner.init(), np.zeros((3, 1)), -np.expm1(-omega * H), np.array([200])
+    for k in range(12000):
+        angle, v = np.array([0.2 * np.sin(k * H)]), np.array([0.2 * np.cos(k * H)])
+        wave = waves(angle, N, np.array([60.0]))
+        truth = 1.5 * np.tanh(v / 0.02) + 0.5 * v + 0.02 * wave[0] - 0.01 * wave[1]
+        follow(late, truth, share)
+        state = learner.step(state, v, -late[2], omega, wave=wave)
+    assert state.parameters[0] == pytest.approx(1.5, abs=0.1)
+    assert state.parameters[3:5, 0] == pytest.approx([0.02, -0.01], abs=5e-4)
+
+
 def test_friction_is_learned_from_the_disturbance_that_it_leaves() -> None:
-    """The disturbance is what an ideal observer, two low-passes late, would give."""
+    """The disturbance is what an ideal observer, three low-passes late, would give."""
     learner, omega = FrictionLearner(1, H), np.array([60.0])
-    state, late = learner.init(), [np.zeros(1), np.zeros(1)]
-    share = -np.expm1(-omega / 1.5 * H)
+    state, late = learner.init(), np.zeros((3, 1))
+    share = -np.expm1(-omega * H)
     for k in range(12000):
         v = np.array([0.4 * np.sin(k * H * 2.0)])
         truth = 1.5 * np.tanh(v / 0.02) + 0.8 * v + 0.3
-        late[0] = late[0] + share * (truth - late[0])
-        late[1] = late[1] + share * (late[0] - late[1])
-        state = learner.step(state, v, -late[1], omega)
+        follow(late, truth, share)
+        state = learner.step(state, v, -late[2], omega)
     assert state.parameters[:3, 0] == pytest.approx([1.5, 0.8, 0.3], abs=0.05)
     assert learner.torque(state, np.array([0.3])) == pytest.approx(1.5 + 0.24 + 0.3, abs=0.05)
 
@@ -103,22 +128,21 @@ def test_friction_is_learned_from_the_disturbance_that_it_leaves() -> None:
 def test_load_and_friction_are_distinguished_in_a_motion_that_never_reverses() -> None:
     """Three joints in one direction: gravity of one kilogram acts on two of them; friction alone could explain it."""
     expected = Expectation(
-        np.tile([[1.0], [0.5], [0.0], [0.0], [0.0]], 3),
-        np.tile([[1.0], [0.5], [0.15], [0.05], [1.0]], 3),
+        np.tile([[1.0], [0.5], *[[0.0]] * 5], 3),
+        np.tile([[1.0], [0.5], [0.15], [1e-3], [1e-3], [0.05], [1.0]], 3),
     )
     learner, omega = FrictionLearner(3, H, expected=expected), np.full(3, 60.0)
     state, dry, load = learner.init(), np.array([1.5, 0.5, 2.0]), 0.8
-    late, share = np.zeros((2, 3)), -np.expm1(-omega / 1.5 * H)
+    late, share = np.zeros((3, 3)), -np.expm1(-omega * H)
     for k in range(3000):
         v = np.array([0.3, 0.2, 0.1]) * np.sin(k * H)
         loads = np.array([[5.0, 3.0, 0.0], [8.0 * np.cos(k * H), 3.0, 0.0]])
         truth = dry * np.tanh(v / 0.02) + 0.5 * v + load * loads[1]
-        late[0] += share * (truth - late[0])
-        late[1] += share * (late[0] - late[1])
-        state = learner.step(state, v, -late[1], omega, np.zeros(3), loads)
-    assert state.parameters[4] == pytest.approx(load, abs=0.1)
+        follow(late, truth, share)
+        state = learner.step(state, v, -late[2], omega, np.zeros(3), loads)
+    assert state.parameters[6] == pytest.approx(load, abs=0.1)
     assert state.parameters[0] == pytest.approx(dry, abs=0.3)
-    assert np.ptp(state.parameters[4]) == 0.0
+    assert np.ptp(state.parameters[6]) == 0.0
 
 
 def test_joint_at_rest_teaches_nothing_and_forgets_nothing() -> None:
@@ -139,21 +163,22 @@ def test_least_squares_are_those_of_the_whole_system() -> None:
     state, omega = learner.init(), np.full(nv, 80.0)
     for _ in range(200):
         v, d, fed = rng.normal(size=(3, nv))
-        state = learner.step(state, v, d, omega, fed, rng.normal(size=(2, nv)))
-    size = 3 * nv + 2
+        loads, (sine, cosine) = rng.normal(size=(2, 2, nv))
+        state = learner.step(state, v, d, omega, fed, loads, (sine, cosine))
+    size = OWN * nv + 2
     matrix, right = np.zeros((size, size)), np.zeros(size)
     for j in range(nv):
-        own = [3 * j, 3 * j + 1, 3 * j + 2, size - 2, size - 1]
-        upper = np.zeros((5, 6))
-        upper[np.triu_indices(5, 0, 6)] = (state.normal + learner.equations)[:, j]
-        matrix[np.ix_(own, own)] += upper[:, :5] + np.triu(upper[:, :5], 1).T
-        right[own] += upper[:, 5]
+        own = [*range(OWN * j, OWN * j + OWN), size - 2, size - 1]
+        upper = np.zeros((7, 8))
+        upper[np.triu_indices(7, 0, 8)] = (state.normal + learner.equations)[:, j]
+        matrix[np.ix_(own, own)] += upper[:, :7] + np.triu(upper[:, :7], 1).T
+        right[own] += upper[:, 7]
     matrix[[-2, -1], [-2, -1]] += learner.shared_weights
     theta = np.linalg.solve(matrix, right)
-    assert state.parameters[3:, 0] == pytest.approx(theta[-2:], rel=1e-8, abs=1e-12)
-    found = theta[:-2].reshape(nv, 3).T
+    assert state.parameters[OWN:, 0] == pytest.approx(theta[-2:], rel=1e-8, abs=1e-12)
+    found = theta[:-2].reshape(nv, OWN).T
     assert state.parameters[:2] == pytest.approx(np.maximum(found[:2], 0.0), rel=1e-8)
-    assert state.parameters[2] == pytest.approx(found[2], rel=1e-8)
+    assert state.parameters[2:OWN] == pytest.approx(found[2:], rel=1e-8)
 
 
 def test_reversal_releases_what_a_joint_that_sticks_has_wound_up_and_no_more() -> None:

@@ -35,12 +35,15 @@ def test_delay_bound_counts_lag_delay_and_half_a_period() -> None:
 
 def test_plant_and_encoders_are_made_from_it() -> None:
     arm = spinner().with_friction(0.1, 0.2)
-    hardware = rbi.Hardware(encoder_bits=18, torque_lag=2e-3, delay=2, ripple=0.02, stribeck=0.3)
+    hardware = rbi.Hardware(
+        encoder_bits=18, torque_lag=2e-3, delay=2, ripple=0.02, stribeck=0.3, ripple_periods=60
+    )
     plant = rbi.DrivenPlant.for_(hardware, arm, dt=2e-3)
     assert plant.time_constant == pytest.approx(2e-3)
     assert plant.dead_time == pytest.approx(4e-3)
     assert isinstance(plant.links, StickingPlant)
     assert plant.links.stribeck == 0.3
+    assert np.array_equal(plant.ripple_periods, np.full(arm.nv, 60.0))
     encoders = rbi.QuantizedEncoders.for_(hardware, rbi.ImpedanceController(manipulator()))
     assert encoders.resolution == pytest.approx(2.0 * np.pi / 2**18)
     with pytest.raises(rbi.ParameterError, match="encoder_bits"):
@@ -66,6 +69,7 @@ def test_named_entries_take_figures_of_ones_own() -> None:
         {"delay": -1},
         {"joint_stiffness": 0.0},
         {"stribeck": -0.1},
+        {"ripple_periods": 2.5},
         {"torque_rate": -1.0},
         {"torque_bandwidth": np.inf},
     ],

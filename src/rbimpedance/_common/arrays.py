@@ -167,6 +167,19 @@ def read_only(array: Array) -> Array:
     return copy
 
 
+def whole_numbers(name: str, value: ArrayLike) -> Array:
+    """Return a read-only scalar or per-joint vector of whole numbers from 1 on.
+
+    Args:
+        name: Parameter's name, for the error.
+        value: Scalar or (nv,).
+
+    Raises:
+        ParameterError: Anything else.
+    """
+    return gain(name, value, "whole, 1 or more,", lambda x: (x >= 1.0) & (x == np.rint(x)))
+
+
 def gain(name: str, value: ArrayLike, admissible: str, is_admissible: Any) -> Array:
     """Return a read-only scalar or per-joint vector of finite gains that satisfy a predicate.
 

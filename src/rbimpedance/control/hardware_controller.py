@@ -21,12 +21,20 @@ from .baseline_law import Baseline, BaselineTorque, baseline_output
 from .default_gains import default_impedance
 from .errors import Tracking, track
 from .estimation import Estimate, ExtendedStateObserver, FrictionLearner, NoiseGate
-from .estimation.friction_learning import Expectation, FrictionState, nothing_known, released
+from .estimation.friction_learning import (
+    Expectation,
+    FrictionState,
+    nothing_known,
+    released,
+    waves,
+)
 from .hardware_forms import PlainForm, hardware_form
 from .hardware_state import HardwareState
 from .protocol import Measured, checked_period
 from .realtime import RealtimeController
 from .telemetry import ControllerOutput, Situation
+
+Wave: TypeAlias = tuple[Array, Array]
 
 OBSERVER_RATIO = 3.0
 """Bandwidth of the observer over that of the loop."""
@@ -131,7 +139,7 @@ class HardwareController(MadeAnew, Baseline[HardwareState]):
             k2=per_joint("k2", positive("k2", k2), arm.nv),
             learns_friction=bool(learns_friction),
             accuracy=per_joint("accuracy", positive_or_infinite("accuracy", accuracy), arm.nv),
-            expected=nothing_known(arm.nv) if expected is None else expected,
+            expected=(nothing_known(arm.nv, hardware.ripple) if expected is None else expected),
             load=arm.with_payload(1.0) if load is None else load,
             limits=_with_rate(as_limits(limits, arm.nv), hardware),
             backend=choice("backend", backend, get_args(HardwareBackend)),
@@ -162,6 +170,11 @@ class HardwareController(MadeAnew, Baseline[HardwareState]):
     def lead(self) -> Array:
         """Time from a tick to its torque, shape (nv,): as far ahead of it friction is fed forward [s]."""
         return self.hardware.delay_bound(self.arm, self.dt)
+
+    @property
+    def ripple_periods(self) -> Array:
+        """Periods of the torque's ripple to a turn, shape (nv,)."""
+        return per_joint("ripple_periods", self.hardware.ripple_periods, self.arm.nv)
 
     @property
     def learning_starts(self) -> float:
@@ -207,13 +220,14 @@ class HardwareController(MadeAnew, Baseline[HardwareState]):
         bandwidth = self.gate.bandwidth(gate)
         estimate = self.observer.correct(state.observer, innovation, OBSERVER_RATIO * bandwidth)
         v_f, loads = tick.v_r + self.lead * tick.a_r, self._loads(tick, estimate)
-        friction = self.learner.torque(state.friction, v_f, loads)
+        now, then = self._waves(estimate)
+        friction = self.learner.torque(state.friction, v_f, loads, then)
         state, estimate = self._released(state, estimate, v_f, v_f - self.dt * tick.a_r)
         output = self._output(state, tick, estimate, bandwidth, friction)
         learned, moved = state.friction, np.zeros(self.arm.nv)
         if state.ticks > self.learning_starts:
             learned, moved = self._learned(
-                state, estimate, OBSERVER_RATIO * bandwidth, friction, v_f, loads
+                state, estimate, OBSERVER_RATIO * bandwidth, friction, v_f, loads, (now, then)
             )
         expected = self.observer.predict(estimate, output.tau, tick.tau_ext - friction)
         expected = expected._replace(disturbance=expected.disturbance + moved)
@@ -304,6 +318,14 @@ class HardwareController(MadeAnew, Baseline[HardwareState]):
         heavier = self.load.raw_dynamics.inverse_dynamics(state.q, state.v, tick.a_r)
         return np.stack([model, heavier - model])
 
+    def _waves(self, estimate: Estimate) -> tuple[Wave, Wave]:
+        """What ripple is made of where the arm is, and where it will be when the torque acts."""
+        state = estimate.state
+        angle = self.arm.raw_dynamics.difference(self.arm.neutral, state.q)
+        then = angle + self.lead * state.v
+        now, ahead = (waves(at, self.ripple_periods, state.torque) for at in (angle, then))
+        return now, ahead
+
     def _learned(
         self,
         state: HardwareState,
@@ -312,11 +334,15 @@ class HardwareController(MadeAnew, Baseline[HardwareState]):
         fed: Array,
         v_f: Array,
         loads: Array,
+        ripple: tuple[Wave, Wave],
     ) -> tuple[FrictionState, Array]:
         """What is known of friction and load after the tick, and what of the disturbance moves there."""
         seen = estimate.state
-        after = self.learner.step(state.friction, seen.v, seen.disturbance, bandwidth, fed, loads)
-        moved = self.learner.torque(after, v_f, loads) - fed
+        now, then = ripple
+        after = self.learner.step(
+            state.friction, seen.v, seen.disturbance, bandwidth, fed, loads, now
+        )
+        moved = self.learner.torque(after, v_f, loads, then) - fed
         return after.shifted(moved), moved
 
 

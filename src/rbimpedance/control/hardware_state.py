@@ -15,10 +15,10 @@ from .estimation.noise_gate import GateState
 # Rows of `HardwareState.rows`.
 V, DISTURBANCE, TORQUE = 0, 1, 2
 OPENING, INNOVATION = 3, 4
-PARAMETERS, NORMAL, REGRESSORS = 5, 10, 30  # 5, 20 and 12 rows
-Q_E, V_E, TAU_EXT, Q_E_BEFORE, V_E_BEFORE = range(42, 47)
-TAU = 47
-ROWS = 48
+PARAMETERS, NORMAL, REGRESSORS = 5, 12, 47  # 7, 35 and 24 rows
+Q_E, V_E, TAU_EXT, Q_E_BEFORE, V_E_BEFORE = range(71, 76)
+TAU = 76
+ROWS = 77
 
 
 class HardwareState(NamedTuple):

@@ -18,6 +18,7 @@ from .._common.arrays import (
     positive_or_infinite,
     size,
     whole_number,
+    whole_numbers,
 )
 from .._common.brief import brief_repr
 from .._common.frozen import Converted, Gain, OptionalGain, unless_none
@@ -47,6 +48,8 @@ class Hardware:
         torque_lag: Time constant of the torque, scalar or (nv,) [s].
         delay: Ticks from a torque that is sent to its action.
         ripple: Amplitude of the torque's ripple relative to the torque, scalar or (nv,).
+        ripple_periods: Of the ripple to a turn of the joint (to 2π m of a slide), whole numbers, scalar or (nv,); 200,
+            for example, is twice a turn of a motor behind 100:1.
         stribeck: How much larger dry friction is at rest than in motion, relative; 0 for Coulomb friction.
         joint_stiffness: Scalar or (nv,) [N·m/rad or N/m]; +inf for rigid joints.
         rotor_inertia: On the joints' side of the gears, scalar or (nv,) [kg·m² or kg]; None for the arm's armature.
@@ -65,6 +68,7 @@ class Hardware:
     torque_lag: Gain = Converted(not_negative, 0.0)
     delay: Converted[int, int] = Converted(partial(whole_number, meaning="ticks"), 0)
     ripple: Gain = Converted(not_negative, 0.0)
+    ripple_periods: Gain = Converted(whole_numbers, 200.0)
     stribeck: Converted[float, float] = Converted(size, 0.0)
     joint_stiffness: Gain = Converted(
         partial(positive_or_infinite, infinite=" where the joint is rigid"), np.inf

@@ -136,5 +136,6 @@ def variation_of_motion(
     for t in times[::10].tolist():
         q, v, a = trajectory(t)
         tau = plant.raw_dynamics.inverse_dynamics(q, v, a)
-        rippling += float((4.0 * hardware.ripple * np.abs(tau * v)).sum()) * 200.0 / (2.0 * np.pi)
+        crossings = hardware.ripple_periods * np.abs(v) / (2.0 * np.pi)
+        rippling += float((4.0 * hardware.ripple * np.abs(tau) * crossings).sum())
     return need + rippling / len(times[::10])

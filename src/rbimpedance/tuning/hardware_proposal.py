@@ -35,15 +35,13 @@ BEST = 2e-3
 """Accuracy that is aimed at where none is requested [rad or m]."""
 
 LOUDEST = 2.0
-"""Gains are made softer where the torque varies by more than this times what the motion needs, and 2 N·m/s."""
+"""Gains are made softer where the torque varies by more than this times what the motion needs, and 2 N·m/s, and refused
+where that does not help."""
 
-REFUSED = 2.5
-"""A proposal that varies by more than this, however soft, is refused."""
-
-GATE_SHARE = 0.5
+GATE_SHARE = 0.25
 """Share of the accuracy at which the bandwidth is raised,"""
 
-GATE_COUNTS = 42.0
+GATE_COUNTS = 30.0
 """and counts of error from which on it is, where these are more."""
 
 _FLOOR = 2.0  # N·m/s
@@ -52,8 +50,12 @@ _CONSTANT = 0.15  # N·m that neither load nor friction explains
 _LEAST_FRICTION = 0.5  # N·m that a joint is prepared for where none is stated
 _K2_OVER_MISMATCH = 60.0  # reversals stay in the linear zone of the reaching term
 _LATE = 0.4  # share of the run after which errors and variation are taken
-_ROUNDS = 5
-_SOFTER, _GATE_SOFTER = 0.8, 0.9  # of the bandwidths in a round, and of the error that raises them
+_ROUNDS = 6
+_INSIDE = 6  # plants that are simulated besides the corners of the ranges
+_SOFTER, _GATE_SOFTER = (
+    0.89,
+    0.73,
+)  # of the quiet bandwidth in a round, and of the inverse of the error that raises it
 
 
 class HardwareRun(NamedTuple):
@@ -90,8 +92,8 @@ class HardwareProposal:
         accuracy: Error at which the bandwidth is raised [rad or m].
         expected: What is known of friction and load beforehand.
         load: The model with one more kilogram where the payload is.
-        softer: Steps by which bandwidths were lowered by a fifth because the torque varied too much.
-        runs: The simulated worst samples.
+        softer: Steps by which the quiet bandwidth was lowered, because the torque varied too much.
+        runs: The simulated samples: corners of the ranges, and plants between them.
         limits: Of the actuators; None for none.
     """
 
@@ -167,8 +169,9 @@ class HardwareProposal:
         )
         if self.softer:
             lines.append(
-                f"Bandwidths are {100 * (1 - _SOFTER**self.softer):.0f} % lower than the hardware allows: at those the "
-                f"torque varies by more than {LOUDEST:g} times what the motion needs."
+                f"Bandwidths are {100 * (1 - _SOFTER**self.softer):.0f} % lower than the hardware allows, and raised "
+                f"at an error {_GATE_SOFTER**-self.softer:.2g} times as large: otherwise the torque varies by more "
+                f"than {LOUDEST:g} times what the motion needs."
             )
         if not self.feasible:
             lines.append(f"Not feasible: {self.reason}.")
@@ -208,7 +211,7 @@ def propose_for_hardware(
     found = _designed(task, hardware, measured, accuracy or BEST)
     if hardware.is_elastic and hardware.torque_sensor is None:
         return _refused_for_springs(found)
-    samples, tried = _worst(task), list[HardwareProposal]()
+    samples, tried = _samples(task), list[HardwareProposal]()
     for softer in range(_ROUNDS):
         found = _until_loud(task, _softened(found, softer), impedance, q0, samples)
         tried.append(found)
@@ -277,7 +280,7 @@ def _designed(
         demand=demand,
         k2=_K2_OVER_MISMATCH * (mismatch.torque + friction) / mismatch.inertia,
         accuracy=np.maximum(GATE_SHARE * accuracy, GATE_COUNTS * hardware.count(arm)),
-        expected=_expected(task),
+        expected=_expected(task, hardware),
         load=with_body(
             arm, 1.0, task.uncertainty.payload_com.mean(axis=0), 0.0, task.uncertainty.payload_frame
         ),
@@ -287,27 +290,29 @@ def _designed(
 
 
 def _softened(found: HardwareProposal, softer: int) -> HardwareProposal:
-    """The proposal, a step softer than before: less bandwidth, raised at a larger error."""
+    """The proposal, a step softer than before: less quiet bandwidth, raised at a larger error.
+
+    A lower alert bandwidth is no softer: an error then lasts longer, and with it the noise of the open gate.
+    """
     if softer == 0:
         return found
-    b = found.bandwidths
-    quiet = _SOFTER * b.quiet
-    slower = replace(b, quiet=quiet, alert=np.maximum(_SOFTER * b.alert, quiet))
+    slower = replace(found.bandwidths, quiet=_SOFTER * found.bandwidths.quiet)
     accuracy = found.accuracy / _GATE_SOFTER
     return replace(found, bandwidths=slower, accuracy=accuracy, softer=softer, runs=())
 
 
-def _expected(task: DesignTask) -> Expectation:
+def _expected(task: DesignTask, hardware: Hardware) -> Expectation:
     """Friction and load in the middle of their ranges, half of which is a standard deviation."""
     unknown, nv = task.uncertainty, task.arm.nv
     mean, deviation = np.zeros((2, TERMS, nv))
     for i, (low, high) in enumerate((unknown.coulomb, unknown.viscous)):
         mean[i], deviation[i] = (low + high) / 2.0, np.maximum((high - low) / 2.0, _LEAST_FRICTION)
     deviation[2] = _CONSTANT
+    deviation[3:5] = np.maximum(hardware.ripple, 1e-3)
     low, high = unknown.inertia_scale
-    deviation[3] = max((high - low) / 2.0, 1e-3)
+    deviation[5] = max((high - low) / 2.0, 1e-3)
     low, high = unknown.payload
-    deviation[4] = max((high - low) / 2.0, 1e-3)
+    deviation[6] = max((high - low) / 2.0, 1e-3)
     return Expectation(mean, deviation)
 
 
@@ -361,10 +366,13 @@ def _runs(
         yield HardwareRun(sample, error, variation)
 
 
-def _worst(task: DesignTask) -> list[PlantSample]:
-    """The heaviest and the lightest plant, with the most and the least friction."""
-    samples = task.uncertainty.extremes(task.arm)
-    return [samples[i] for i in sorted({0, len(samples) // 2, len(samples) - 1})]
+def _samples(task: DesignTask) -> list[PlantSample]:
+    """The heaviest and the lightest plant first, with the most and the least friction, and plants between them."""
+    corners = len(task.uncertainty.extremes(task.arm))
+    extremes = sorted({0, corners // 2, corners - 1, corners // 3, 2 * corners // 3})
+    inside = range(corners, corners + _INSIDE * (corners > 1))
+    drawn = task.uncertainty.sample(task.arm, corners + _INSIDE, seed=task.seed)
+    return [drawn[i] for i in (*extremes, *inside)]
 
 
 def _judged(found: HardwareProposal, accuracy: float | None) -> HardwareProposal:
@@ -374,8 +382,8 @@ def _judged(found: HardwareProposal, accuracy: float | None) -> HardwareProposal
     bound = found._words(joint)
     if not np.isfinite(error).all():
         reason, remedies = "the arm is lost in simulation", _shorter(found)
-    elif found.exceeds(REFUSED):
-        reason = f"the torque varies by {found.variation:.2g} times what the motion needs, more than {REFUSED:g}"
+    elif found.exceeds(LOUDEST):
+        reason = f"the torque varies by {found.variation:.2g} times what the motion needs, more than {LOUDEST:g}"
         remedies = ("finer encoders: a bit more lowers the noise to half", *_shorter(found))
     elif accuracy is not None and error[joint] > accuracy:
         reason = (

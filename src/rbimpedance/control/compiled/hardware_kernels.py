@@ -49,7 +49,9 @@ def hardware_kernel() -> Callable[..., Any]:
     return kernel(_entry, (_WORDS, types.int64, *vectors, *memory, *memory, OWN_MATRIX, OWN_VECTOR))
 
 
-_TABLES = types.NamedTuple((ARM, ARM, OWN_MATRIX, OWN_MATRIX, OWN_VECTOR), HardwareTables)
+_TABLES = types.NamedTuple(
+    (ARM, ARM, OWN_MATRIX, OWN_MATRIX, OWN_VECTOR, OWN_VECTOR), HardwareTables
+)
 _SPACE = types.NamedTuple((SPACE, *[OWN_MATRIX] * 4, OWN_VECTOR), TickSpace)
 _WORDS = Held(types.NamedTuple((_TABLES, _SPACE), HardwareWords))
 

@@ -12,8 +12,10 @@ from ...robot.compiled.tables import ArmTables, Workspace, workspace
 from ..estimation.friction_learning import PACKED
 
 # Rows of `HardwareTables.joints`.
-QUIET, ALERT, THRESHOLD, ACCURACY, FALLS, DECAY, MEAN, K2, LEAD, EFFORT, TORQUE_STEP = range(11)
-EXPECTED = 11  # 20 rows
+QUIET, ALERT, THRESHOLD, ACCURACY, FALLS, DECAY, MEAN, K2, LEAD, PERIODS, EFFORT, TORQUE_STEP = (
+    range(12)
+)
+EXPECTED = 12  # 35 rows
 
 # Entries of `HardwareTables.numbers`.
 DT, RATIO, FORGOTTEN, STARTS, STRIBECK, SCALE_WEIGHT, LOAD_WEIGHT = range(7)
@@ -29,10 +31,11 @@ class HardwareTables(NamedTuple):
     Attributes:
         arm: Its arm.
         load: The same with one more kilogram.
-        joints: What there is of every joint, shape (31, nv).
+        joints: What there is of every joint, shape (47, nv).
         filter: What takes (q_e, v_e, tau_ext) to a_e and the next q_e and v_e, one row a joint, shape (nv, 9).
         numbers: Period, ratio of bandwidths, share that is forgotten, ticks before friction is learned, rise of
             friction at rest, weights of what is expected of scale and load, shape (7,).
+        neutral: The arm's neutral configuration, from which the angle of the ripple counts, shape (nq,).
     """
 
     arm: ArmTables
@@ -40,6 +43,7 @@ class HardwareTables(NamedTuple):
     joints: Array
     filter: Array
     numbers: Array
+    neutral: Array
 
 
 class TickMemory(NamedTuple):
@@ -72,7 +76,7 @@ def tick_space(nq: int, nv: int) -> TickSpace:
     """Return work space for arms of this size."""
     M, factor = np.zeros((2, nv, nv))
     return TickSpace(
-        workspace(nv), M, factor, np.zeros((10, nv)), np.zeros((PACKED, nv)), np.zeros(nq)
+        workspace(nv), M, factor, np.zeros((14, nv)), np.zeros((PACKED, nv)), np.zeros(nq)
     )
 
 
@@ -103,7 +107,7 @@ def hardware_tables(controller: Any, arm: ArmTables, load: ArmTables) -> Hardwar
     joints = np.array(
         [
             *(gate.low, gate.high, gate.threshold, gate.accuracy, gate.falls, *lag),
-            *(controller.k2, controller.lead),
+            *(controller.k2, controller.lead, controller.ripple_periods),
             *(np.broadcast_to(effort, nv), np.broadcast_to(step, nv)),
             *learner.equations,
         ]
@@ -114,4 +118,5 @@ def hardware_tables(controller: Any, arm: ArmTables, load: ArmTables) -> Hardwar
             *(learner.stribeck, *learner.shared_weights),
         ]
     )
-    return HardwareTables(arm, load, joints, np.ascontiguousarray(diagonal.reshape(nv, 9)), numbers)
+    target_rows = np.ascontiguousarray(diagonal.reshape(nv, 9))
+    return HardwareTables(arm, load, joints, target_rows, numbers, controller.arm.neutral.copy())

@@ -12,7 +12,7 @@ from ...law.lag import lagged as lagged_formula
 from ...robot.compiled import rigid_body
 from ...robot.compiled.rigid_body import friction, place_joints
 from ..estimation import extended_state, friction_learning, noise_gate
-from ..estimation.friction_learning import OWN, PACKED, REFERENCE_SMOOTHING, SMOOTHING, TERMS
+from ..estimation.friction_learning import LATE, OWN, PACKED, REFERENCE_SMOOTHING, SMOOTHING, TERMS
 from ..estimation.noise_gate import OPENING as RISES
 from ..hardware_state import (
     DISTURBANCE,
@@ -52,6 +52,7 @@ from .hardware_tables import (
     OUT_U,
     OUT_V_E,
     OUT_V_R,
+    PERIODS,
     QUIET,
     RATIO,
     SCALE_WEIGHT,
@@ -73,6 +74,7 @@ filtered_innovation = helper(noise_gate.filtered_innovation)
 opened = helper(noise_gate.opened)
 dry_share = helper(friction_learning.dry_share)
 released = helper(friction_learning.released)
+waves = helper(friction_learning.waves)
 mismatch_torque = helper(friction_learning.mismatch_torque)
 delay_terms = helper(friction_learning.delay_terms)
 at = helper(friction_learning.at)
@@ -84,7 +86,22 @@ commanded = helper(observed_law.commanded)
 lagged = helper(lagged_formula)
 
 # Rows of `TickSpace.rows`.
-_BIAS, _DA, _OMEGA, _FRICTION, _V, _TORQUE, _X, _A, _SCALED, _LOAD = range(10)
+(
+    _BIAS,
+    _DA,
+    _OMEGA,
+    _FRICTION,
+    _V,
+    _TORQUE,
+    _X,
+    _A,
+    _SCALED,
+    _LOAD,
+    _SINE,
+    _COSINE,
+    _SINE_NOW,
+    _COSINE_NOW,
+) = range(14)
 
 
 @routine
@@ -197,6 +214,10 @@ def _feed_forward(
             own[_SCALED, j] += space.M[j, i] * a_r[i]
         own[_LOAD, j] += friction(arm.joints, j, rows[V, j]) - own[_SCALED, j]
     for j in range(n):
+        angle = difference(arm, j, tables.neutral, memory.q)
+        N, L, lead = tables.joints[PERIODS, j], rows[TORQUE, j], tables.joints[LEAD, j]
+        own[_SINE_NOW, j], own[_COSINE_NOW, j] = waves(angle, N, L)
+        own[_SINE, j], own[_COSINE, j] = waves(angle + lead * rows[V, j], N, L)
         own[_FRICTION, j] = _friction(tables, own, rows, j, out)
         v = out.rows[OUT_V_R, j] + tables.joints[LEAD, j] * a_r[j]
         before, rise = v - tables.numbers[DT] * a_r[j], tables.numbers[STRIBECK]
@@ -256,22 +277,24 @@ def _command(
 def _learn(tables: HardwareTables, space: TickSpace, memory: TickMemory, out: TickOutput) -> None:
     """A step of the least squares; what moves into the friction leaves the disturbance."""
     rows, own, normal, numbers = memory.rows, space.rows, space.normal, tables.numbers
-    x = REGRESSORS + TERMS + 1
+    x = REGRESSORS + (LATE - 1) * (TERMS + 1)
     a, b, c = numbers[SCALE_WEIGHT], 0.0, numbers[LOAD_WEIGHT]
     y3, y4 = 0.0, 0.0
     for j in range(rows.shape[1]):
         omega, v = numbers[RATIO] * own[_OMEGA, j], rows[V, j]
         dry = dry_share(v, SMOOTHING, numbers[STRIBECK])
-        terms = (dry, v, 1.0, own[_SCALED, j], own[_LOAD, j], own[_FRICTION, j])
-        share = 1.0 - np.exp(-omega / 1.5 * numbers[DT])
+        sine, cosine = own[_SINE_NOW, j], own[_COSINE_NOW, j]
+        terms = (dry, v, 1.0, sine, cosine, own[_SCALED, j], own[_LOAD, j], own[_FRICTION, j])
+        share = 1.0 - np.exp(-omega * numbers[DT])
         delay_terms(rows[REGRESSORS:Q_E, j], terms, share)
         y, weight = rows[x + TERMS, j] - rows[DISTURBANCE, j], np.tanh(v / SMOOTHING) ** 2
         gather(rows[NORMAL:REGRESSORS, j], rows[x:Q_E, j], y, weight, numbers[FORGOTTEN])
         for i in range(PACKED):
             normal[i, j] = rows[NORMAL + i, j] + tables.joints[EXPECTED + i, j]
         eliminate(normal[:, j])
-        a, b, c = a + normal[at(3, 3), j], b + normal[at(3, 4), j], c + normal[at(4, 4), j]
-        y3, y4 = y3 + normal[at(3, TERMS), j], y4 + normal[at(4, TERMS), j]
+        a, c = a + normal[at(OWN, OWN), j], c + normal[at(OWN + 1, OWN + 1), j]
+        b = b + normal[at(OWN, OWN + 1), j]
+        y3, y4 = y3 + normal[at(OWN, TERMS), j], y4 + normal[at(OWN + 1, TERMS), j]
     scale, load = shared(a, b, c, y3, y4)
     for j in range(rows.shape[1]):
         rows[PARAMETERS + OWN, j], rows[PARAMETERS + OWN + 1, j] = scale, load
@@ -327,8 +350,8 @@ def _move(
 def _shift(rows: Array, j: int, change: float) -> None:
     """Change the disturbance; what is learned from it does not see that."""
     rows[DISTURBANCE, j] += change
-    rows[REGRESSORS + TERMS, j] += change
-    rows[REGRESSORS + 2 * TERMS + 1, j] += change
+    for k in range(LATE):
+        rows[REGRESSORS + k * (TERMS + 1) + TERMS, j] += change
 
 
 @inline
@@ -339,5 +362,7 @@ def _friction(tables: HardwareTables, own: Array, rows: Array, j: int, out: Tick
         dry_share(v, REFERENCE_SMOOTHING, tables.numbers[STRIBECK]),
         rows[PARAMETERS:NORMAL, j],
     )
-    torque: float = mismatch_torque(theta, dry, v, own[_SCALED, j], own[_LOAD, j])
+    torque: float = mismatch_torque(
+        theta, dry, v, own[_SINE, j], own[_COSINE, j], own[_SCALED, j], own[_LOAD, j]
+    )
     return torque

@@ -30,8 +30,12 @@ NOISE_VARIANCE = 18.0
 MEMORY = 10.0
 """Time in motion after which a measurement counts e times less [s]."""
 
-OWN, TERMS = 3, 5
-"""Parameters of a joint alone (dry, viscous, constant), and all of them (scale of the model's torque, load)."""
+OWN, TERMS = 5, 7
+"""Parameters of a joint alone (dry, viscous, constant, sine and cosine of the ripple), and all of them (scale of the
+model's torque, load)."""
+
+LATE = 3
+"""Low-passes of the observer's bandwidth between a torque and what the observer makes of it."""
 
 PACKED = TERMS * (TERMS + 3) // 2
 """Rows of the normal equations: the upper triangle and the right-hand side, row by row."""
@@ -71,31 +75,48 @@ def released(disturbance: Array, dry: Array, v: Array, before: Array, rise: floa
     return release
 
 
-def mismatch_torque(theta: Any, dry: Array, v: Array, scaled: Array, load: Array) -> Array:
+def waves(angle: Array, periods: Array, torque: Array) -> tuple[Array, Array]:
+    """Return what ripple of the motor's torque is made of: sine and cosine at its periods.
+
+    Args:
+        angle: Of the joint.
+        periods: Of the ripple to a turn.
+        torque: Of the motor.
+    """
+    return torque * np.sin(periods * angle), torque * np.cos(periods * angle)
+
+
+def mismatch_torque(
+    theta: Any, dry: Array, v: Array, sine: Array, cosine: Array, scaled: Array, load: Array
+) -> Array:
     """Return what the parameters make of the torque that the model misses.
 
     Args:
-        theta: Dry, viscous and constant part, scale and load.
+        theta: Dry, viscous and constant part, sine and cosine of the ripple, scale and load.
         dry: From `dry_share`.
         v: Speed.
-        scaled: Torque of the model, of which theta[3] is missing.
+        sine: From `waves`.
+        cosine: The same.
+        scaled: Torque of the model, of which theta[5] is missing.
         load: Torque of a unit load.
     """
-    torque: Array = theta[0] * dry + theta[1] * v + theta[2] + theta[3] * scaled + theta[4] * load
+    own = theta[0] * dry + theta[1] * v + theta[2] + theta[3] * sine + theta[4] * cosine
+    torque: Array = own + theta[5] * scaled + theta[6] * load
     return torque
 
 
 def delay_terms(late: Any, terms: Any, share: Array) -> None:
-    """Move every term and the torque that is fed forward behind two low-passes, in place.
+    """Move every term and the torque that is fed forward behind three low-passes, in place.
 
     Args:
-        late: The six behind one low-pass, then behind two.
-        terms: The six.
+        late: The eight behind one low-pass, then behind two, then behind three.
+        terms: The eight.
         share: By which a low-pass comes closer to its input.
     """
     for i in range(TERMS + 1):
         late[i] += share * (terms[i] - late[i])
-        late[TERMS + 1 + i] += share * (late[i] - late[TERMS + 1 + i])
+        for k in range(TERMS + 1 + i, LATE * (TERMS + 1), TERMS + 1):
+            late[k] += share * (late[k - TERMS - 1] - late[k])
 
 
 def at(i: int, k: int) -> int:
@@ -170,10 +191,10 @@ def shared(a: float, b: float, c: float, x: float, y: float) -> tuple[float, flo
 
 
 class Expectation(NamedTuple):
-    """What is known of the parameters before the arm moves, each of shape (5, nv); the last two rows are one number.
+    """What is known of the parameters before the arm moves, each of shape (7, nv); the last two rows are one number.
 
     Attributes:
-        mean: Dry, viscous and constant part, scale, load.
+        mean: Dry, viscous and constant part, sine and cosine of the ripple, scale, load.
         deviation: Their standard deviations, positive.
     """
 
@@ -185,11 +206,12 @@ class FrictionState(NamedTuple):
     """What has been learned.
 
     Attributes:
-        parameters: Dry [N·m or N], viscous [N·m·s/rad or N·s/m] and constant [N·m or N] part, share of the model's
-            torque that is missing, and load [kg], shape (5, nv); the last two are the same for all joints.
-        normal: Packed normal equations of each joint, without what was expected, shape (20, nv).
-        regressors: The five terms and the torque that is fed forward behind one low-pass, then behind two, shape
-            (12, nv).
+        parameters: Dry [N·m or N], viscous [N·m·s/rad or N·s/m] and constant [N·m or N] part, sine and cosine of the
+            ripple over the motor's torque, share of the model's torque that is missing, and load [kg], shape (7, nv);
+            the last two are the same for all joints.
+        normal: Packed normal equations of each joint, without what was expected, shape (35, nv).
+        regressors: The seven terms and the torque that is fed forward behind one low-pass, behind two and behind three,
+            shape (24, nv).
     """
 
     parameters: Array
@@ -203,7 +225,7 @@ class FrictionState(NamedTuple):
             moved: The change, shape (nv,) [N·m or N].
         """
         late = self.regressors.copy()
-        late[[TERMS, 2 * TERMS + 1]] += moved
+        late[TERMS :: TERMS + 1] += moved
         return self._replace(regressors=late)
 
 
@@ -214,18 +236,20 @@ class FrictionLearner:
 
     The torque that the model misses is taken to be, on every joint,
 
-        dry·tanh(v/0.02)·(1 + stribeck·e^(-(v/0.05)²)) + viscous·v + constant + scale·tau_model + load·tau_1,
+        dry·tanh(v/0.02)·(1 + stribeck·e^(-(v/0.05)²)) + viscous·v + constant + tau·(sine·sin(n·q) + cosine·cos(n·q))
+        + scale·tau_model + load·tau_1,
 
-    where tau_model is the torque of the model itself and tau_1 that of one more kilogram at the tool; scale and load
-    are the same for all joints. In a motion in one direction a joint alone cannot distinguish dry friction from a
-    constant or from gravity; together with the other joints, and with what is expected, it can. The parameters minimize
+    where tau is the motor's torque, n its ripple's periods to a turn, tau_model the torque of the model itself and
+    tau_1 that of one more kilogram at the tool; scale and load are the same for all joints. In a motion in one
+    direction a joint alone cannot distinguish dry friction from a constant or from gravity; together with the other
+    joints, and with what is expected, it can. The parameters minimize
 
         Σ weight·e^(-age/memory)·(y - xᵀθ)²/σ² + Σ ((θ - mean)/deviation)²
 
-    with y what observer and feed-forward make of the missed torque, late by 3/ω, and x the terms behind two low-passes
-    of ω/1.5, which are as late. The weight is tanh²(v/0.02): a joint at rest says nothing about its friction, and
-    nothing is forgotten there. What a step moves into the parameters is taken out of the disturbance by the caller, so
-    that the torque does not jump:
+    with y what observer and feed-forward make of the missed torque, and x the terms behind three low-passes of ω, which
+    is what the observer does to a torque. The weight is tanh²(v/0.02): a joint at rest says nothing about its friction,
+    and nothing is forgotten there. What a step moves into the parameters is taken out of the disturbance by the caller,
+    so that the torque does not jump:
 
         change = torque after - torque before, both at the reference;    disturbance ← disturbance + change.
 
@@ -277,7 +301,7 @@ class FrictionLearner:
 
     @property
     def equations(self) -> Array:
-        """Normal equations of what is expected, of a joint's own parameters alone, shape (20, nv)."""
+        """Normal equations of what is expected, of a joint's own parameters alone, shape (35, nv)."""
         packed = np.zeros((PACKED, self.nv))
         for i in range(OWN):
             weight = 1.0 / self.expected.deviation[i] ** 2
@@ -292,20 +316,29 @@ class FrictionLearner:
 
     def init(self) -> FrictionState:
         """Return the state before anything is measured."""
-        late = np.zeros((2 * (TERMS + 1), self.nv))
+        late = np.zeros((LATE * (TERMS + 1), self.nv))
         return FrictionState(self.expected.mean.copy(), np.zeros((PACKED, self.nv)), late)
 
-    def torque(self, state: FrictionState, v: Array, loads: Array | None = None) -> Array:
+    def torque(
+        self,
+        state: FrictionState,
+        v: Array,
+        loads: Array | None = None,
+        wave: tuple[Array, Array] | None = None,
+    ) -> Array:
         """Return the learned torque at a speed that has no noise, shape (nv,) [N·m or N].
 
         Args:
             state: What has been learned.
             v: Speed of the reference, shape (nv,) [rad/s or m/s].
             loads: Torque of the model, and of one more kilogram, shape (2, nv); zero by default [N·m or N].
+            wave: From `waves`; none by default.
         """
-        loads = np.zeros((2, self.nv)) if loads is None else loads
+        zero = np.zeros(self.nv)
+        scaled, load = (zero, zero) if loads is None else loads
+        sine, cosine = (zero, zero) if wave is None else wave
         dry = dry_share(v, REFERENCE_SMOOTHING, self.stribeck)
-        return mismatch_torque(state.parameters, dry, v, *loads)
+        return mismatch_torque(state.parameters, dry, v, sine, cosine, scaled, load)
 
     def step(
         self,
@@ -315,6 +348,7 @@ class FrictionLearner:
         bandwidth: Array,
         fed: Array | None = None,
         loads: Array | None = None,
+        wave: tuple[Array, Array] | None = None,
     ) -> FrictionState:
         """Return the state after a tick.
 
@@ -325,14 +359,16 @@ class FrictionLearner:
             bandwidth: Of the observer, shape (nv,) [rad/s].
             fed: Learned torque that is fed forward, shape (nv,); none by default [N·m or N].
             loads: As for `torque`.
+            wave: The same.
         """
         zero = np.zeros(self.nv)
         scaled, load = (zero, zero) if loads is None else loads
+        sine, cosine = (zero, zero) if wave is None else wave
         dry, one = dry_share(v, SMOOTHING, self.stribeck), np.ones(self.nv)
         late, normal = state.regressors.copy(), state.normal.copy()
-        terms = (dry, v, one, scaled, load, zero if fed is None else fed)
-        delay_terms(late, terms, 1.0 - np.exp(-bandwidth / 1.5 * self.dt))
-        x = late[TERMS + 1 :]
+        terms = (dry, v, one, sine, cosine, scaled, load, zero if fed is None else fed)
+        delay_terms(late, terms, 1.0 - np.exp(-bandwidth * self.dt))
+        x = late[(LATE - 1) * (TERMS + 1) :]
         gather(normal, x, x[TERMS] - disturbance, np.tanh(v / SMOOTHING) ** 2, self.forgotten)
         return FrictionState(self._solved(normal), normal, late)
 
@@ -341,19 +377,22 @@ class FrictionLearner:
         left, theta = normal + self.equations, np.empty((TERMS, self.nv))
         eliminate(left)
         first, second = self.shared_weights
-        a, b, c = (float(left[row].sum()) for row in (at(3, 3), at(3, 4), at(4, 4)))
-        x, y = (float(left[at(i, TERMS)].sum()) for i in (3, 4))
-        theta[3], theta[4] = shared(a + first, b, c + second, x, y)
+        i, k = OWN, OWN + 1
+        a, b, c = (float(left[row].sum()) for row in (at(i, i), at(i, k), at(k, k)))
+        x, y = (float(left[at(row, TERMS)].sum()) for row in (i, k))
+        theta[i], theta[k] = shared(a + first, b, c + second, x, y)
         substitute(left, theta)
         theta[:2] = np.maximum(theta[:2], 0.0)
         return theta
 
 
-def nothing_known(nv: int) -> Expectation:
+def nothing_known(nv: int, ripple: ArrayLike = 0.0) -> Expectation:
     """Return what is expected of an arm of which nothing is stated: friction of a few N·m, and its model as it is.
 
     Args:
         nv: Number of joints.
+        ripple: Of the motor's torque, relative, scalar or (nv,).
     """
-    deviation: ArrayLike = [2.0, 2.0, 2.0, 1e-3, 1e-3]
-    return Expectation(np.zeros((TERMS, nv)), np.tile(np.array(deviation)[:, None], nv))
+    deviation = np.full((TERMS, nv), 1e-3)
+    deviation[:3], deviation[3:OWN] = 2.0, np.maximum(ripple, 1e-3)
+    return Expectation(np.zeros((TERMS, nv)), deviation)

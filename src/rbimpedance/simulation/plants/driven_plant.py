@@ -348,6 +348,7 @@ def _torques(hardware: Hardware, dt: float) -> dict[str, Any]:
         "time_constant": hardware.torque_lag,
         "dead_time": hardware.delay * dt,
         "ripple": hardware.ripple,
+        "ripple_periods": hardware.ripple_periods,
     }
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..._common.arrays import Array, BoolArray, gain, per_joint, positive_or_infinite
+from ..._common.arrays import Array, BoolArray, per_joint, positive_or_infinite, whole_numbers
 from ...exceptions import ParameterError
 from ...robot.arm_model import ArmModel
 
@@ -38,8 +38,7 @@ def whole(name: str, value: ArrayLike, nv: int) -> Array:
         ParameterError: Anything else.
         DimensionError: They are given for another number of joints.
     """
-    numbers = gain(name, value, "whole, 1 or more,", lambda x: (x >= 1.0) & (x == np.rint(x)))
-    return per_joint(name, numbers, nv)
+    return per_joint(name, whole_numbers(name, value), nv)
 
 
 def refuse_at(arm: ArmModel, wrong: BoolArray, name: str, value: Array, words: str) -> None:
