@@ -340,6 +340,35 @@ def test_guards_are_nested_as_in_joint_space(controller: rbi.CartesianController
     assert np.abs(ticks.outputs[-1].at_tool.e1).max() < 1e-2
 
 
+def test_warm_up_of_a_controller_at_the_tool_and_of_its_guards_takes_poses(
+    controller: rbi.CartesianController,
+) -> None:
+    """The first tick of a run is then no other than the later ones: the state is as it was."""
+    guard = rbi.FaultGuard(rbi.SoftStart(controller, 0.05))
+    guard.warm_up()
+    controller.warm_up()
+    assert guard.init().monitor.ticks == 0
+
+
+@pytest.mark.parametrize("backend", ["numpy", "pinocchio"])
+def test_late_tick_of_a_packed_state_is_that_of_a_plain_one(
+    backend: Any, controller: rbi.CartesianController
+) -> None:
+    arm = controller.arm
+    law = rbi.CartesianController(arm, dt=DT, posture=Q, backend=backend)
+    plain = rbi.CartesianController(arm, dt=DT, posture=Q, backend="numpy")
+    f, v = np.array([3.0, 0.0, 5.0, 0.1, 0.0, 0.2]), np.full(7, 0.1)
+    states = [law.init(), plain.init()]
+    for k in range(4):
+        ticks = [
+            each.step(state, Q, v, motion(arm, Q, k * DT), f, period=1.7e-3)
+            for each, state in zip((law, plain), states, strict=True)
+        ]
+        states = [state for _, state in ticks]
+        assert_allclose(ticks[0][0].tau, ticks[1][0].tau, atol=1e-9)
+        assert_allclose(states[0].displacement, states[1].displacement, atol=1e-15)
+
+
 def test_guarded_run_logs_the_tool(controller: rbi.CartesianController) -> None:
     arm, there = controller.arm, holding(controller.arm)
     guard = rbi.FaultGuard(rbi.SoftStart(controller, 0.05))

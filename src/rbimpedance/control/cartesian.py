@@ -189,6 +189,11 @@ class CartesianController(MadeAnew, CartesianControllerBase[CartesianState]):
         """The tick for inputs that its form has refused: another try with plain vectors, or NumPy's form."""
         answer: tuple[CartesianOutput, CartesianState] | None = None
         if self._form is not None:
+            if (
+                state.ticks == 0 and self.arm.nv > 6
+            ):  # the null space of the forms continues a basis
+                J = self._law.kinematics.motion(given.q, given.v).jacobian
+                state = state._replace(basis=DampedInverse(J, self.damping).basis)
             answer = self._form.step(self._form.pack(state), *given.plain())
         return cartesian_tick(self._law, state, given) if answer is None else answer
 
@@ -233,8 +238,5 @@ class CartesianController(MadeAnew, CartesianControllerBase[CartesianState]):
         share, tool, null = period / self.dt, state.tool, state.null
         z = state.z_before + share * (tool.z - state.z_before)
         z_null = state.z_null_before + share * (null.z - state.z_null_before)
-        return state._replace(
-            displacement=self._target.advance(state.displacement_before, state.pulled, period),
-            tool=tool._replace(z=z),
-            null=null._replace(z=z_null),
-        )
+        displacement = self._target.advance(state.displacement_before, state.pulled, period)
+        return state.at_late_tick(displacement, z, z_null)

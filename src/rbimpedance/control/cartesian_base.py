@@ -223,8 +223,10 @@ class CartesianControllerBase(TickBase[StateT, ToolMeasured, CartesianOutput]):
             NonFiniteError: An input holds NaN or infinity.
             InputError: A period that is not positive, or longer than `LONGEST_PERIOD` control periods.
         """
+        if period is not None:
+            state = self.elapsed(state, period)
         form, answer = self._form, None
-        if form is not None and period is None:
+        if form is not None:
             with contextlib.suppress(TypeError, ValueError):  # not plain vectors
                 answer = form.step(state, q, v, reference, wrench, tau_ext)
         if answer is not None:
@@ -236,9 +238,29 @@ class CartesianControllerBase(TickBase[StateT, ToolMeasured, CartesianOutput]):
             vector("wrench", wrench, 6, "force, moment"),
             None if tau_ext is None else vector("tau_ext", tau_ext, self.arm.nv),
         )
-        if period is not None:
-            state = self.elapsed(state, period)
         return self._step(state, given)
+
+    def warm_up(self) -> None:
+        """Take two ticks and forget them, so that the first ones of a run are no slower than the rest.
+
+        What has to be compiled, or loaded from the disk, is compiled here or when the controller is made.
+        """
+        q, still, state = self.arm.ready, np.zeros(self.arm.nv), self.init()
+        for _ in range(2):
+            _, state = self.step(state, q, still, self.at_rest(q), np.zeros(6))
+
+    def at_rest(self, q: ArrayLike) -> CartesianReference:
+        """Return the desired motion of a tool that rests where it is at a configuration.
+
+        Args:
+            q: Configuration, shape (nq,).
+
+        Raises:
+            DimensionError: Wrong shape or kind.
+            NonFiniteError: q holds NaN or infinity.
+        """
+        pose = Pose(*self.arm.frame_placement(q, self.frame))
+        return CartesianReference(pose, np.zeros(6), np.zeros(6))
 
     def elapsed(self, state: StateT, period: float) -> StateT:
         """See `TickBase.elapsed`; `_elapsed` is given a period that is checked and not dt."""

@@ -41,6 +41,17 @@ class CartesianState(NamedTuple):
     z_before: Array
     z_null_before: Array
 
+    def at_late_tick(self, displacement: Displacement, z: Array, z_null: Array) -> CartesianState:
+        """Return the state at a tick that comes late, with what has grown meanwhile.
+
+        Args:
+            displacement: Of x_r from x_d.
+            z: Integral at the tool, shape (6,).
+            z_null: Integral in the null space, shape (n,).
+        """
+        tool, null = self.tool._replace(z=z), self.null._replace(z=z_null)
+        return self._replace(displacement=displacement, tool=tool, null=null)
+
 
 @brief_repr("tau", "e1", "e2", "s", "sigma", "lost", "saturated")
 class CartesianOutput(NamedTuple):

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+import numpy as np
+
 from .._common.arrays import Array
 from ..exceptions import ParameterError
 from ..law.impedance import TargetImpedance
@@ -93,6 +95,17 @@ class ControllerWrapper(Around, ControllerBase[WrapperStateT, OutputT]):
             inner=self.controller.elapsed(state.inner, period)
         )
         return following
+
+    def warm_up(self) -> None:
+        """Take one tick and forget it; see `ControllerBase.warm_up`."""
+        tool = tool_inside(self)
+        if tool is None:
+            super().warm_up()
+            return
+        tool.warm_up()
+        at_rest: Any = tool.at_rest(self.arm.ready)
+        zero = np.zeros(self.arm.nv)
+        self.step(self.init(), self.arm.ready, zero, at_rest, zero)
 
     def handover(self, state: WrapperStateT, now: Situation) -> WrapperStateT:
         """Return the state with which the arm is taken over as it is now; see `ImpedanceController.handover`.

@@ -130,6 +130,14 @@ class PackedToolState(PackedTool):
         posture: Array = pairs[np.column_stack([np.ones_like(second), second])]
         return posture
 
+    def at_late_tick(self, displacement: Displacement, z: Array, z_null: Array) -> PackedToolState:
+        """Return the state at a tick that comes late; see `CartesianState.at_late_tick`."""
+        nv, n = self._size()
+        block = self.rows.copy()
+        block[XI : XI_RATE + 1], block[Z] = displacement, z
+        block[FIXED + nv : FIXED + nv + n, Z_NULL] = z_null
+        return PackedToolState(block)
+
     @classmethod
     def pack(cls, state: CartesianState, pairs: BoolArray) -> PackedToolState:
         """Return a state with the same contents.
