@@ -107,13 +107,13 @@ class ImperfectRun:
 
 
 def run_imperfect(loop: ClosedLoop, on_tick: OnTick | None = None) -> SimulationResult | None:
-    """Run a loop by compiled code where its law is to be; None where it has no such form.
+    """Run a loop by compiled code; None where it has no such form.
 
     Raises:
         DivergenceError: A joint left every sensible range.
         InputError: The reference or the environment is not what a controller takes.
         ModelError: The compiled dynamics of an arm are not Pinocchio's.
     """
-    if not has_imperfect_form(loop) or loop.controller.controller.backend != "compiled":  # type: ignore[attr-defined]
+    if not has_imperfect_form(loop):
         return None
     return ImperfectRun(loop, {}, 20).result(on_tick)

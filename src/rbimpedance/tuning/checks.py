@@ -12,6 +12,7 @@ from .._common.arrays import Array
 from ..law.certificate import Certificate, certify
 from ..law.impedance import Impedance
 from .gain_design import Design, DesignTask, Measured, design
+from .scan import Scan, scan
 from .stated import Stated, stated
 from .torque_demand import TorqueDemand
 from .torque_limits import demand_of, exertion_of, refused_for_torque, without_reserve
@@ -52,6 +53,7 @@ def solve(task: DesignTask, measured: Measured, impedance: Impedance, q0: Array)
     exertion = None if task.limits is None else exertion_of(task, measured.samples)
     slower, firmer, certificate = 1.0, 1.0, None
     worst: tuple[ExtremeCase, ...] = ()
+    scanned: Scan | None = None
     for _ in range(ROUNDS):
         found = design(task, measured, slower=slower, firmer=firmer)
         if np.isfinite(found.margin):
@@ -64,7 +66,9 @@ def solve(task: DesignTask, measured: Measured, impedance: Impedance, q0: Array)
             so_far = f"{worst[-1].reason}, and with other gains, " if worst else ""
             found = replace(found, reason=so_far + found.reason)
             break
-        worst = _until_failure(worst_cases(task, found, impedance, q0, demand))
+        scanned = scan(task, found, impedance, q0)
+        more = () if scanned is None else scanned.worst
+        worst = _until_failure(worst_cases(task, found, impedance, q0, demand, more))
         failed = worst[-1]
         if failed.joint is None:
             break
@@ -77,7 +81,9 @@ def solve(task: DesignTask, measured: Measured, impedance: Impedance, q0: Array)
             firmer *= FIRMER
         else:
             break
-    return Checked(found, certificate, worst, demand, stated(task, found, certificate, worst))
+    return Checked(
+        found, certificate, worst, demand, stated(task, found, certificate, worst, scanned)
+    )
 
 
 def _until_failure(cases: Iterator[ExtremeCase]) -> tuple[ExtremeCase, ...]:

@@ -11,9 +11,10 @@ from .._common.arrays import Array
 from ..control.default_gains import slope_at_zero
 from ..law.certificate import Certificate
 from .gain_design import Design, DesignTask
+from .scan import Scan
 from .worst_case import LATE, LATE_AT_LIMITS, ExtremeCase
 
-ERROR_HEADROOM, PEAK_HEADROOM, TIME_HEADROOM = 2.0, 1.5, 1.5
+ERROR_HEADROOM, PEAK_HEADROOM, TIME_HEADROOM = 3.0, 1.5, 1.5
 """Factors on the largest simulated error after convergence, on the largest one before, and on times; other plants
 within the ranges may be somewhat worse than the worst simulated ones (docs/robustness.md has the measured ratios)."""
 
@@ -46,6 +47,7 @@ def stated(
     design: Design,
     certificate: Certificate | None,
     worst: Sequence[ExtremeCase],
+    scanned: Scan | None,
 ) -> Stated:
     """Return what a proposal states.
 
@@ -54,6 +56,7 @@ def stated(
         design: The gains.
         certificate: Theorem 1 for them; None where there is none.
         worst: The simulated worst samples; one that diverged says nothing.
+        scanned: Short runs of all samples; None where there are none.
     """
     sound = [case for case in worst if np.isfinite(case.error).all()]
     infinite = np.full(design.k1.shape, np.inf)
@@ -70,11 +73,14 @@ def stated(
     )
     reached = np.max([_last_beyond(s, s_error, t) for t, _, s in runs], axis=0)
     settled = np.max([_last_beyond(e1, error, t) for t, e1, _ in runs], axis=0)
+    peaks, torques = [case.peak for case in sound], [case.peak_torque for case in sound]
+    if scanned is not None:
+        peaks, torques = [*peaks, scanned.peak], [*torques, scanned.peak_torque]
     return Stated(
         error=error,
         s_error=s_error,
-        peak=error + PEAK_HEADROOM * np.max([case.peak for case in sound], axis=0),
-        peak_torque=PEAK_HEADROOM * np.max([case.peak_torque for case in sound], axis=0),
+        peak=error + PEAK_HEADROOM * np.max(peaks, axis=0),
+        peak_torque=PEAK_HEADROOM * np.max(torques, axis=0),
         reaching_time=np.maximum(TIME_HEADROOM * reached, certificate.reaching_time),
         total_time=np.maximum(TIME_HEADROOM * settled, certificate.total_time),
     )

@@ -28,6 +28,9 @@ CORNERS = 16
 """At most this many extremes are among the first samples."""
 
 
+_CHANGED, _LEAST_SHARE = 2.0, 0.12  # of the ranges, in plants near another
+_FIELDS = {"payload_gyration": "gyration"}  # of a sample, where it has another name than the range
+
 _from_0 = partial(range_of, nominal=0.0, is_admissible=is_not_negative)
 _number_from_0 = partial(scalar_range, nominal=0.0, is_admissible=is_not_negative)
 
@@ -152,6 +155,33 @@ class Uncertainty:
         parts = zip(ranges.items(), np.split(share, ends), strict=True)
         drawn = {name: low + part * (high - low) for (name, (low, high)), part in parts}
         return self._plant(arm, drawn, seed=seed)
+
+    def near(
+        self, arm: ArmModel, sample: PlantSample, count: int, *, seed: int = 0
+    ) -> tuple[PlantSample, ...]:
+        """Draw plants that differ from one in a few ranges, which are at one of their ends, as a search from it needs.
+
+        Args:
+            arm: The arm as it is modelled.
+            sample: The plant.
+            count: How many.
+            seed: Of the draw and of the noise.
+        """
+        rng, ranges = np.random.default_rng(whole_number("seed", seed)), self._ranges(arm)
+        share = max(_CHANGED / self.dimension(arm), _LEAST_SHARE)
+        own = vars(sample)
+        drawn = [
+            {
+                name: np.where(
+                    rng.uniform(size=low.shape) < share,
+                    np.where(rng.integers(2, size=low.shape) == 1, high, low),
+                    own[_FIELDS.get(name, name)],
+                )
+                for name, (low, high) in ranges.items()
+            }
+            for _ in range(count)
+        ]
+        return tuple(self._plant(arm, each, seed=1000 * seed + i) for i, each in enumerate(drawn))
 
     def outside(self, sample: PlantSample) -> tuple[str, ...]:
         """Return in words what of an arm lies outside these ranges, so that gains that were made for them need not do.

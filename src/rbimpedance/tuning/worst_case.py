@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -115,6 +115,7 @@ def worst_cases(
     impedance: Impedance,
     q0: Array,
     demand: TorqueDemand | None,
+    more: Sequence[PlantSample] = (),
 ) -> Iterator[ExtremeCase]:
     """Simulate the extreme samples without noise, from starts on both sides of the motion, and then with noise.
 
@@ -124,20 +125,26 @@ def worst_cases(
         impedance: Target impedance.
         q0: Initial configuration, shape (nq,).
         demand: What the motion asks of limited joints; the plants that bring one near its limits are simulated first.
+        more: Further plants.
     """
     extremes = [design.measured.samples[i] for i in design.measured.mismatch.extremes]
     strenuous = () if demand is None else demand.strenuous
-    samples = {id(sample): sample for sample in (*strenuous, *extremes)}.values()
+    samples = {id(sample): sample for sample in (*strenuous, *more, *extremes)}.values()
     noisy = bool(design.noise_error.max() > 0.0)
-    for start in _both_sides(task, q0):
+    for start in both_sides(task, q0):
         for sample in samples:
             yield _run(task, design, impedance, start, sample, noisy=False)
     for sample in samples if noisy else ():
         yield _run(task, design, impedance, q0, sample, noisy=True)
 
 
-def _both_sides(task: DesignTask, q0: Array) -> tuple[Array, ...]:
-    """The start, and the one as far on the other side of the motion, within the position limits."""
+def both_sides(task: DesignTask, q0: Array) -> tuple[Array, ...]:
+    """Return the start, and the one as far on the other side of the motion, within the position limits.
+
+    Args:
+        task: The requirements.
+        q0: The start, shape (nq,).
+    """
     dynamics, on_motion = task.arm.raw_dynamics, np.asarray(task.trajectory(0.0).q)
     away = dynamics.difference(q0, on_motion)
     if not away.any():
