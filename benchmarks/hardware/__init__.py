@@ -1,0 +1,1 @@
+"""Robots: laws on servers that speak a robot's protocol, and laws whose ticks come late or not at all."""
