@@ -21,8 +21,8 @@ _NATIVE = ir.FunctionType(_INTEGER, [_WORDS, _INTEGER])
 _RULES = {"error_model": "numpy", "boundscheck": False}
 
 
-def compiled_part(function: Callable[..., int], held: Held) -> CFunc:
-    """Compile a part, or load it from the disk; its `address` is what `call_part` takes.
+def compiled_part(function: Callable[..., int], held: Held) -> int:
+    """Compile a part, or load it from the disk, and return its address for `call_part`.
 
     Args:
         function: Takes what `hold` returns and a whole number, and returns one.
@@ -31,7 +31,12 @@ def compiled_part(function: Callable[..., int], held: Held) -> CFunc:
     made = CFunc(function, ((held, types.int64), types.int64), {}, _RULES)
     keep_on_disk(made, function)
     made.compile()
-    return made
+    _KEPT_ALIVE.append(made)
+    return int(made.address or 0)
+
+
+_KEPT_ALIVE: list[CFunc] = []
+"""An address does not own the machine code that is there."""
 
 
 @intrinsic  # type: ignore[untyped-decorator]

@@ -95,6 +95,13 @@ class PinocchioDynamics:
         slope = self._friction_slope(np.zeros(self.model.nv))
         return float((np.diag(np.linalg.inv(self.mass_matrix(q))) * slope).max())
 
+    def friction_rate_bound(self) -> float:
+        """A bound on `friction_rate` at any q, since M is at least the armature; infinite without one [1/s]."""
+        armature = np.array(self.model.armature)
+        if not (armature > 0.0).all():
+            return np.inf
+        return float((self._friction_slope(np.zeros(self.model.nv)) / armature).max())
+
     def _friction_slope(self, v: Array) -> Array:
         """D(v) = tau_f(v)/v, shape (nv,)."""
         x = v / COULOMB_SMOOTHING

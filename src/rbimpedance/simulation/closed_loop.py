@@ -97,7 +97,10 @@ class ClosedLoop:
         """
         if not (self.plant.viscous.any() or self.plant.coulomb.any()):
             return False
-        stiffness = self.h * self.plant.raw_dynamics.friction_rate(self.q)
+        dynamics = self.plant.raw_dynamics
+        if self.h * dynamics.friction_rate_bound() <= min(STIFF_FRICTION, RK4_STABILITY):
+            return False
+        stiffness = self.h * dynamics.friction_rate(self.q)
         if self.integrator == "rk4" and stiffness > RK4_STABILITY:
             needed = int(np.ceil(self.substeps * stiffness / RK4_STABILITY))
             raise ParameterError(

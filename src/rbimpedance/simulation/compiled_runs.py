@@ -13,15 +13,20 @@ from .._numba import warn_once
 from ..control.backends import is_available
 from ..control.baseline_law import FormulaBaseline
 from ..control.controller import ImpedanceController
+from ..control.encoders import QuantizedEncoders
 from ..control.errors import check_measurements
+from ..control.imperfect import ImperfectController
 from ..control.protocol import Measured
 from ..control.tick import NumpyTick
 from ..control.tool_view import ToolView
 from ..exceptions import UnsupportedJointError
 from ..interaction import Perfect
+from ..interaction.estimators import MomentumObserver
 from ..trajectories import Reference
 from .checkpoint import Checkpoint
 from .closed_loop import SPEED_BOUND, ClosedLoop, OnTick, empty_channels
+from .plants import DrivenPlant
+from .plants.rigid import RigidPlant
 from .result import SimulationResult
 from .sampling import sample, tick_times
 
@@ -48,7 +53,7 @@ def run_compiled(
         ModelError: The compiled dynamics of an arm are not Pinocchio's.
         SnapshotError: The checkpoint is of another run, or damaged.
     """
-    world = verified_world(loop, {}, STATES)
+    world = None if checkpoint and has_parts(loop) else verified_world(loop, {}, STATES)
     if world is None:
         return None
     if on_tick is not None:
@@ -71,7 +76,9 @@ def run_around_pinocchio(
     Its errors are those of `run_compiled`, but for the compiled dynamics.
     """
     controller: Any = loop.controller
-    if reason_against(loop) is not None or isinstance(controller._form, NumpyTick):
+    if has_parts(loop) or reason_against(loop) is not None:
+        return None
+    if isinstance(controller._form, NumpyTick):
         return None
     if loop.integrator != "semi-implicit" or loop.friction_is_stiff():
         return None
@@ -167,7 +174,8 @@ def verified_world(loop: ClosedLoop, known: dict[int, Controlled], states: int) 
     """
     if isinstance(loop.controller, ToolView):
         return None
-    if isinstance(loop.controller, ImpedanceController) and loop.controller.backend == "numpy":
+    law: Any = law_of(loop)
+    if isinstance(law, ImpedanceController) and law.backend == "numpy":
         return None
     if not is_available("rollout"):
         return None
@@ -177,11 +185,9 @@ def verified_world(loop: ClosedLoop, known: dict[int, Controlled], states: int) 
     reason = reason_against(loop)
     try:
         if reason is None:
-            controller: Any = loop.controller
-            key = id(controller)
-            if key not in known:
-                known[key] = controlled(controller, CompiledDynamics(controller.arm).tables)
-            return new_world(loop, known[key], CompiledDynamics(loop.plant, states).tables)
+            if id(law) not in known:
+                known[id(law)] = controlled(law, CompiledDynamics(law.arm).tables)
+            return new_world(loop, known[id(law)], CompiledDynamics(loop.plant, states).tables)
     except UnsupportedJointError as error:
         reason = f"'{loop.plant.name}': {error}"
     warn_once(f"the run is left to Python and Pinocchio for {reason}")
@@ -190,20 +196,50 @@ def verified_world(loop: ClosedLoop, known: dict[int, Controlled], states: int) 
 
 def reason_against(loop: ClosedLoop) -> str | None:
     """Return the name of a part of a loop without a compiled form, or None; arms are checked by the tables."""
-    if loop.engine is not None:
-        return f"its {type(loop.engine).__name__}"
-    controller = loop.controller
+    controller, law, engine = loop.controller, law_of(loop), loop.engine
+    if engine is not None and not _has_plain_drives(loop):
+        return f"its {type(engine).__name__}"
     if not (
-        type(controller) is ImpedanceController
-        or (isinstance(controller, FormulaBaseline) and controller.has_compiled_form)
+        type(law) is ImpedanceController
+        or (isinstance(law, FormulaBaseline) and law.has_compiled_form)
     ):
         inside = controller.controller if isinstance(controller, ToolView) else controller
         return f"its {type(inside).__name__}"
-    if type(loop.sensor) is not Perfect:
+    if law is not controller and not _has_unit_gain(controller):
+        return f"its {type(controller).__name__} with torque constants"
+    if type(loop.sensor) not in (Perfect, MomentumObserver):
         return f"its {type(loop.sensor).__name__}"
+    if not is_available("rollout"):
+        return "want of compiled code"
     from .compiled.world import reason_against_parts  # noqa: PLC0415
 
-    return reason_against_parts(loop.controller, loop.environment)
+    return reason_against_parts(law, loop.environment)
+
+
+def law_of(loop: ClosedLoop) -> Any:
+    """Return the controller of a loop, or the one behind its encoders, or behind noise and delay."""
+    controller: Any = loop.controller
+    is_behind = type(controller) in (QuantizedEncoders, ImperfectController)
+    return controller.controller if is_behind else controller
+
+
+def has_parts(loop: ClosedLoop) -> bool:
+    """Return whether a loop has instruments, drives, or a baseline: what Pinocchio's loop does not know."""
+    is_plain = loop.engine is None and type(loop.sensor) is Perfect
+    return not (is_plain and isinstance(loop.controller, ImpedanceController))
+
+
+def _has_unit_gain(controller: Any) -> bool:
+    return type(controller) is QuantizedEncoders or bool((controller.torque_constant == 1.0).all())
+
+
+def _has_plain_drives(loop: ClosedLoop) -> bool:
+    """Whether the engine is a `DrivenPlant` whose form is known: rigid links, no torque loop, no friction of rotors."""
+    engine: Any = loop.engine
+    if type(engine) is not DrivenPlant or type(engine.links) is not RigidPlant:
+        return False
+    plain = engine.torque_loop is None and engine.gear_friction is None
+    return plain and engine.links.integrator == "semi-implicit" == loop.integrator
 
 
 def new_world(loop: ClosedLoop, controller: Controlled, plant: ArmTables) -> World:
@@ -220,16 +256,28 @@ def new_world(loop: ClosedLoop, controller: Controlled, plant: ArmTables) -> Wor
         ModelError: It acts at a frame that the arm does not have.
     """
     from ..control.compiled.baseline_tick import restoring_table  # noqa: PLC0415
+    from .compiled.measuring import Measuring  # noqa: PLC0415
     from .compiled.world import Settings, World  # noqa: PLC0415
 
-    is_baseline = isinstance(loop.controller, FormulaBaseline)
+    law, drives = law_of(loop), loop.engine
+    is_baseline = isinstance(law, FormulaBaseline)
+    at_rotors = isinstance(drives, DrivenPlant) and (
+        drives.encoders != "link" and bool(drives.elastic.any())
+    )
+    is_measured = at_rotors or law is not loop.controller or type(loop.sensor) is not Perfect
     loop.environment.torque(loop.plant, 0.0, loop.q, loop.v)  # refuses what does not fit the arm
-    integrator: Any = "stiff" if loop.friction_is_stiff() else loop.integrator
+    is_stiff = loop.friction_is_stiff()
+    if isinstance(drives, DrivenPlant):
+        links: Any = drives.links
+        is_stiff = links.friction_at_end
+    integrator: Any = "stiff" if is_stiff else loop.integrator
     settings = Settings(loop.ticks, loop.substeps, integrator, SPEED_BOUND)
     q, v = loop.q.copy(), loop.v.copy()
     return World(
         *(controller, loop.plant, plant, loop.environment, q, v, settings, loop.stops),
-        restoring_table(loop.controller) if is_baseline else None,
+        restoring_table(law) if is_baseline else None,
+        Measuring(loop.controller, loop.sensor, at_rotors) if is_measured else None,
+        drives,
     )
 
 

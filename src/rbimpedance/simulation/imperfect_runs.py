@@ -1,37 +1,44 @@
-"""Runs of an `ImperfectController` around an `ImpedanceController` by compiled code; see `closed_loop.run`."""
+"""Runs of motors whose torque is not what the law demands, by compiled code; see `closed_loop.run`."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..control.controller import ImpedanceController
 from ..control.imperfect import ImperfectController
 from ..exceptions import DivergenceError
+from ..interaction import Perfect
 from .closed_loop import ClosedLoop, OnTick
 from .compiled_runs import reason_against, run_by_blocks, verified_world
 from .result import SimulationResult
 
 if TYPE_CHECKING:
-    from .compiled.imperfect import Imperfections
     from .compiled.loop import Controlled
     from .compiled.world import Block, Outcome
 
 
 def has_imperfect_form(loop: ClosedLoop) -> bool:
-    """Return whether imperfections are all that keeps a loop from a compiled form.
+    """Return whether torque constants are all that keeps a loop from a compiled form.
 
     Args:
         loop: The loop.
     """
-    if type(loop.controller) is not ImperfectController:
+    if type(loop.controller) is not ImperfectController or type(loop.sensor) is not Perfect:
         return False
     inner = loop.controller.controller
     if type(inner) is not ImpedanceController or inner.backend == "numpy":
         return False
-    return reason_against(replace(loop, controller=inner)) is None
+    constants_are_one = bool((loop.controller.torque_constant == 1.0).all())
+    return not constants_are_one and reason_against(_with_exact_motors(loop)) is None
+
+
+def _with_exact_motors(loop: ClosedLoop) -> ClosedLoop:
+    law: Any = loop.controller
+    noise = {name: getattr(law, name) for name in ("position_noise", "velocity_noise", "delay")}
+    return replace(loop, controller=ImperfectController(law.controller, seed=law.seed, **noise))
 
 
 class ImperfectRun:
@@ -47,14 +54,9 @@ class ImperfectRun:
     """
 
     def __init__(self, loop: ClosedLoop, known: dict[int, Controlled], states: int) -> None:
-        from .compiled.imperfect import measurements  # noqa: PLC0415 (Numba is loaded when needed)
-
         assert isinstance(loop.controller, ImperfectController)
-        self.loop, self.imperfect = loop, loop.controller
-        self.world = verified_world(
-            replace(loop, controller=self.imperfect.controller), known, states
-        )
-        self.seen = measurements(self.imperfect.delay, loop.plant.nq, loop.plant.nv)
+        self.loop, self.torque_constant = loop, loop.controller.torque_constant
+        self.world = verified_world(_with_exact_motors(loop), known, states)
 
     def result(self, on_tick: OnTick | None = None) -> SimulationResult | None:
         """Do all ticks, and return what they leave behind; None where there is no compiled form, or a tick is refused.
@@ -66,17 +68,19 @@ class ImperfectRun:
             DivergenceError: A joint left every sensible range.
             InputError: The reference or the environment is not what a controller takes.
         """
-        if self.world is None:
+        world = self.world
+        if world is None:
             return None
 
         def run_block(block: Block) -> Outcome:
-            outcome = self._run(block)
+            block.desk.torque_constant[:] = self.torque_constant
+            outcome = world.run(block)
             if on_tick is not None and outcome.ending == "finished":
                 on_tick(block.ticks.stop - 1, self.loop.ticks)
             return outcome
 
         try:
-            result = run_by_blocks(self.loop, self.world, run_block, None)
+            result = run_by_blocks(self.loop, world, run_block, None)
         except DivergenceError as error:
             self._scale(error.result)
             raise
@@ -87,23 +91,7 @@ class ImperfectRun:
     def _scale(self, result: SimulationResult) -> None:
         """Turn the logged torque that was demanded into the true one."""
         tau = result.tau
-        np.multiply(tau, self.imperfect.torque_constant, out=tau)
-
-    def _run(self, block: Block) -> Outcome:
-        from .compiled.imperfect import imperfect_rollout  # noqa: PLC0415 (Numba is loaded when needed)
-
-        assert self.world is not None
-        return self.world.run(block, imperfect_rollout, self._imperfections(block.ticks), self.seen)
-
-    def _imperfections(self, ticks: range) -> Imperfections:
-        from .compiled.imperfect import Imperfections  # noqa: PLC0415 (Numba is loaded when needed)
-
-        law = self.imperfect
-        rows = ticks if law.is_noisy else ticks[:0]
-        noise = np.array([law.noise(k) for k in rows] or np.zeros((1, 2, law.arm.nv)))
-        on_q, on_v = (np.ascontiguousarray(noise[:, i]) for i in range(2))
-        constant = np.broadcast_to(law.torque_constant, law.arm.nv).copy()
-        return Imperfections(on_q, on_v, constant, np.array([law.delay]))
+        np.multiply(tau, self.torque_constant, out=tau)
 
 
 def run_imperfect(loop: ClosedLoop, on_tick: OnTick | None = None) -> SimulationResult | None:

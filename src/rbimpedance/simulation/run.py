@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike
 
 from .._common.arrays import Array, choice, positive_number, vector, whole_number
 from .._common.deprecation import renamed_arguments, warn_renamed
-from ..control.backends import is_available
-from ..control.baseline_law import FormulaBaseline
 from ..control.cartesian_base import CartesianControllerBase
 from ..control.controller import ImpedanceController
 from ..control.encoders import QuantizedEncoders
@@ -27,7 +25,7 @@ from ..trajectories import Trajectory
 from ..trajectories.cartesian import CartesianTrajectory
 from .checkpoint import Checkpoint
 from .closed_loop import ClosedLoop, OnTick, run
-from .compiled_runs import reason_against, run_around_pinocchio, run_compiled
+from .compiled_runs import has_parts, law_of, reason_against, run_around_pinocchio, run_compiled
 from .driven_runs import run_driven
 from .imperfect_runs import run_imperfect
 from .joint_stops import JointStops
@@ -181,13 +179,14 @@ def _run_around_law(
 
 
 def _backend(loop: ClosedLoop) -> Backend:
-    """Who computes a loop: the controller says it; compiled code a baseline where it can, Python all others."""
-    controller = loop.controller
-    if isinstance(controller, ImpedanceController):
-        return controller.backend
-    if isinstance(controller, FormulaBaseline) and is_available("rollout"):
-        return "numpy" if reason_against(loop) else "compiled"
-    return "numpy"
+    """Who computes a loop: the controller says it; compiled code does what is around it, and baselines, if it can."""
+    law = law_of(loop)
+    asked: Backend = law.backend if isinstance(law, ImpedanceController) else "compiled"
+    if asked == "numpy":
+        return "numpy"
+    if has_parts(loop) and reason_against(loop) is None:
+        return "compiled"
+    return asked if law is loop.controller and isinstance(law, ImpedanceController) else "numpy"
 
 
 def closed_loop(

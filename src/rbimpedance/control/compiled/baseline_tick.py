@@ -127,8 +127,8 @@ _WORDS = types.NamedTuple(
 
 
 @functools.cache
-def baseline_part() -> Any:
-    """Compile the tick, or load it from the disk, for `call_part`."""
+def baseline_part() -> int:
+    """Compile the tick, or load it from the disk, and return its address for `call_part`."""
     return compiled_part(_part, Held(_WORDS))
 
 

@@ -88,10 +88,9 @@ class CompiledDynamics:
         return M
 
     def _check(self, arm: ArmModel, states: int) -> None:
-        rng, judge = np.random.default_rng(1), arm.raw_dynamics
-        for _ in range(states):
-            q = arm.integrate(arm.neutral, rng.uniform(-1.0, 1.0, arm.nv))
-            v, a, tau = rng.normal(size=(3, arm.nv))
+        judge = arm.raw_dynamics
+        for step, v, a, tau in _random_states(arm.nv, states):
+            q = judge.integrate(arm.neutral, step)
             pairs = {
                 "RNEA": (self.inverse_dynamics(q, v, a), judge.inverse_dynamics(q, v, a)),
                 "ABA": (self.forward_dynamics(q, v, tau), judge.forward_dynamics(q, v, tau)),
@@ -104,6 +103,15 @@ class CompiledDynamics:
                         f"compiled {name} of '{arm.name}' differs from Pinocchio's by {difference:.1e} (relative), "
                         f'more than {AGREEMENT:g}; use backend="pinocchio"'
                     )
+
+
+@functools.lru_cache(maxsize=64)
+def _random_states(nv: int, states: int) -> list[Array]:
+    """Steps from neutral, velocities, accelerations and torques, each of shape (4, nv)."""
+    rng, found = np.random.default_rng(1), []
+    for _ in range(states):
+        found.append(np.array([rng.uniform(-1.0, 1.0, nv), *rng.normal(size=(3, nv))]))
+    return found
 
 
 class DynamicsKernels(NamedTuple):

@@ -89,11 +89,8 @@ def arm_tables(arm: ArmModel) -> ArmTables:
     bodies = arm.rigid_bodies()
     kinds = np.where(bodies.slides, PRISMATIC, np.where(bodies.q_size == 2, CONTINUOUS, REVOLUTE))
     joints = np.empty((arm.nv, COLUMNS))
-    turned = np.array([_known_axes(*axis) for axis in bodies.axis.tolist()])
-    before = np.concatenate([turned, np.eye(3)[None]])[bodies.parent]  # the base is number -1
-    rotation = _transposed(before) @ bodies.rotation @ turned
-    joints[:, ROTATION:TRANSLATION] = rotation.reshape(-1, 9)
-    joints[:, TRANSLATION:MASS] = np.einsum("jik,ji->jk", before, bodies.translation)
+    places = bodies.parent, bodies.rotation, bodies.translation, bodies.axis
+    turned, joints[:, ROTATION:MASS] = _placed(*(part.tobytes() for part in places))
     joints[:, MASS:ARMATURE] = _bodies(bodies, turned)
     joints[:, ARMATURE], joints[:, VISCOUS], joints[:, COULOMB] = (
         arm.armature,
@@ -149,9 +146,17 @@ def axes_with_z_along(axis: Array) -> Array:
     return np.array([x, _cross(axis, x), axis]).T
 
 
-@functools.lru_cache(maxsize=256)
-def _known_axes(*axis: float) -> Array:
-    return axes_with_z_along(np.array(axis))
+@functools.lru_cache(maxsize=64)
+def _placed(parent: bytes, rotation: bytes, translation: bytes, axis: bytes) -> tuple[Array, Array]:
+    """Turned axes of the joints, (nv, 3, 3), and rotation and translation between them, (nv, 12), from bytes.
+
+    Arms that differ in masses and friction only share them.
+    """
+    turned = np.array([axes_with_z_along(z) for z in np.frombuffer(axis).reshape(-1, 3)])
+    before = np.concatenate([turned, np.eye(3)[None]])[np.frombuffer(parent, dtype=np.int64)]
+    between = _transposed(before) @ np.frombuffer(rotation).reshape(-1, 3, 3) @ turned
+    origins = np.einsum("jik,ji->jk", before, np.frombuffer(translation).reshape(-1, 3))
+    return turned, np.hstack([between.reshape(-1, 9), origins])  # the base is number -1
 
 
 def _cross(a: Array, b: Array) -> Array:
@@ -160,14 +165,16 @@ def _cross(a: Array, b: Array) -> Array:
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
+_UPPER = np.triu_indices(3)
+
+
 def _bodies(bodies: RigidBodies, turned: Array) -> Array:
     """Mass, first moment and inertia about the origin, in the turned axes, one row a joint."""
     mass, com = bodies.mass, np.einsum("jik,ji->jk", turned, bodies.com)
     about_com = _transposed(turned) @ bodies.inertia @ turned
     squares = np.einsum("ji,ji->j", com, com)[:, None, None] * np.eye(3)
     offset = squares - com[:, :, None] * com[:, None, :]
-    rows, columns = np.triu_indices(3)
-    about_origin = (about_com + mass[:, None, None] * offset)[:, rows, columns]
+    about_origin = (about_com + mass[:, None, None] * offset)[:, _UPPER[0], _UPPER[1]]
     return np.column_stack([mass, mass[:, None] * com, about_origin])
 
 

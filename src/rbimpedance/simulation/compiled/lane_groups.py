@@ -89,11 +89,7 @@ def lane_kind(world: World, controller: Any) -> LaneKind | None:
     """
     arm, law, target = world.controlled
     topology, plant = arm.topology, world.plant
-    if (
-        world.has_own_tick
-        or world.settings.integrator == "rk4"
-        or law.choices[0, KNOWLEDGE] != FULL
-    ):
+    if world.has_parts or world.settings.integrator == "rk4" or law.choices[0, KNOWLEDGE] != FULL:
         return None
     if (topology[:, KIND] == CONTINUOUS).any() or (topology != plant.arm.topology).any():
         return None

@@ -48,10 +48,13 @@ SEMI_IMPLICIT, STIFF, RUNGE_KUTTA = 0, 1, 2
 
 # Entries of `Clock.ticks`.
 FIRST, END, LAST, SUBSTEPS, INTEGRATOR = 0, 1, 2, 3, 4
-LAW_PART, LAW_WORDS = 5, 6
+LAW_PART, LAW_WORDS, MEASURING_PART, MEASURING_WORDS, DRIVES_PART, DRIVES_WORDS = 5, 6, 7, 8, 9, 10
 
 # Entries of `Clock.outcome`.
 TICK, JOINT = 0, 1
+
+SENT, LEAVES, ARRIVED = 0, 1, 2
+"""When the part of the drives is called: with the torque of a tick, before a physics step, after it."""
 
 
 class Controlled(NamedTuple):
@@ -94,6 +97,11 @@ class LoopWorkspace(NamedTuple):
         v_d: Its velocity, shape (nv,).
         a_d: Its acceleration, shape (nv,).
         e_im: Impedance error, shape (nv,).
+        seen_q: Measured configuration, shape (nq,).
+        seen_v: Measured velocity, shape (nv,).
+        seen_tau_ext: Measured torque of the environment, shape (nv,).
+        rest: Room for zeros, shape (nv,).
+        torque_constant: Ratio of true to demanded torque, shape (nv,).
     """
 
     scratch: Scratch
@@ -104,6 +112,11 @@ class LoopWorkspace(NamedTuple):
     v_d: Array
     a_d: Array
     e_im: Array
+    seen_q: Array
+    seen_v: Array
+    seen_tau_ext: Array
+    rest: Array
+    torque_constant: Array
 
 
 class ReferenceSamples(NamedTuple):
@@ -125,7 +138,8 @@ class Clock(NamedTuple):
 
     Attributes:
         ticks: First tick, end of the block, last tick of the run, physics steps in a period, integrator; addresses of
-            the part that does the tick and of its words, 0 for the impedance law; shape (7,).
+            a part and of its words, 0 where there is none, each for a tick that is not the impedance law's, for
+            instruments and for drives; shape (11,).
         step: Length of a physics step [s], and the speed at which a joint has diverged, shape (2,).
         outcome: Tick and joint at which the block ended early, shape (2,).
     """
@@ -157,9 +171,13 @@ def _rollout(
         block = memory.odd if is_even else memory.even
         take_reference(wish, k - ticks[FIRST], desk)
         update_tau_ext(plant, desk.plant, environment, row, motion.q, motion)
+        _measure(desk, motion, clock, k)
         if not _control(controlled, desk, motion, clock, k, state, block):
             clock.outcome[TICK] = k
             return UNSOUND
+        for j in range(len(motion.tau)):
+            motion.tau[j] *= desk.torque_constant[j]
+        _drive(clock, SENT)
         update_acceleration(plant, desk.plant, motion)
         record(controlled, desk, motion, k, block, journal, figures)
         if k == ticks[LAST]:
@@ -184,6 +202,27 @@ def take_reference(wish: ReferenceSamples, i: int, desk: LoopWorkspace) -> None:
 
 
 @fused
+def _measure(desk: LoopWorkspace, motion: PlantMotion, clock: Clock, k: int) -> None:
+    """Write what the controller is given to the desk."""
+    if clock.ticks[MEASURING_PART] != 0:
+        call_part(clock.ticks[MEASURING_PART], clock.ticks[MEASURING_WORDS], k)
+        return
+    for i in range(len(motion.q)):
+        desk.seen_q[i] = motion.q[i]
+    for j in range(len(motion.v)):
+        desk.seen_v[j], desk.seen_tau_ext[j] = motion.v[j], motion.tau_ext[j]
+
+
+@fused
+def _drive(clock: Clock, when: int) -> bool:
+    """Let the drives do their part; whether there are any."""
+    if clock.ticks[DRIVES_PART] == 0:
+        return False
+    call_part(clock.ticks[DRIVES_PART], clock.ticks[DRIVES_WORDS], when)
+    return True
+
+
+@fused
 def _control(
     controlled: Controlled,
     desk: LoopWorkspace,
@@ -196,7 +235,7 @@ def _control(
     """Do a tick of the controller, and hand its torque to the plant; False for inputs that are not sound."""
     if clock.ticks[LAW_PART] != 0:
         return call_part(clock.ticks[LAW_PART], clock.ticks[LAW_WORDS], k) != 0  # type: ignore[no-any-return]
-    given = TickInputs(motion.q, motion.v, desk.q_d, desk.v_d, desk.a_d, motion.tau_ext)
+    given = TickInputs(desk.seen_q, desk.seen_v, desk.q_d, desk.v_d, desk.a_d, desk.seen_tau_ext)
     arm, law, space, work = controlled.arm, controlled.law, desk.control, desk.scratch
     if not whole_tick(arm, law, space, work, state, given, block):
         return False
@@ -246,7 +285,9 @@ def physics_step(
 ) -> None:
     """One step of the plant; the acceleration at the first one of a period is known from the tick."""
     if clock.ticks[INTEGRATOR] != RUNGE_KUTTA:
-        semi_implicit_step(plant, environment, desk, clock, row, is_first, motion)
+        acts_anew = _drive(clock, LEAVES) or not is_first
+        semi_implicit_step(plant, environment, desk, clock, row, not acts_anew, motion)
+        _drive(clock, ARRIVED)
         return
     if not is_first:
         update_tau_ext(plant, desk.plant, environment, row, motion.q, motion)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from ...robot.arm_model import ArmModel
 from ...robot.compiled.tables import ArmTables, workspace
 from ...trajectories import Reference
 from ..joint_stops import JointStops
+from .drives import Drives
 from .environment import Drive, EnvironmentTables, can_sample
 from .log import LogArrays, MetricSums, no_figures
 from .loop import (
@@ -30,13 +32,13 @@ from .loop import (
     UNSOUND,
     Between,
     Clock,
-    CompiledOnce,
     Controlled,
     LoopWorkspace,
     Memory,
     ReferenceSamples,
     rollout,
 )
+from .measuring import Measuring
 from .plant import PlantMotion, PlantTables, Stages
 
 STEPS_AT_ONCE = 4096
@@ -44,6 +46,9 @@ STEPS_AT_ONCE = 4096
 
 Ending = Literal["finished", "unsound", "diverged"]
 _ENDINGS: dict[int, Ending] = {FINISHED: "finished", UNSOUND: "unsound", DIVERGED: "diverged"}
+
+
+_NO_PART: tuple[int, Any] = 0, np.zeros(1)
 
 
 class Outcome(NamedTuple):
@@ -117,8 +122,11 @@ class World:
         settings: How the plant is stepped.
         stops: Stops of its joints; None for none.
         restoring: For a baseline, its `restoring_table`.
+        measuring: Its instruments; None for exact ones.
+        engine: Its drives, see `Drives`; None for none.
 
     Raises:
+        ParameterError: The drives cannot be integrated with such steps.
         ModelError: The environment acts at a frame that the arm does not have.
     """
 
@@ -133,6 +141,8 @@ class World:
         settings: Settings,
         stops: JointStops | None = None,
         restoring: Array | None = None,
+        measuring: Measuring | None = None,
+        engine: Any = None,
     ) -> None:
         nv = plant.nv
         self.controlled = controlled
@@ -142,7 +152,9 @@ class World:
         motion = PlantMotion(q, v, *np.zeros((3, nv)))
         self.memory = Memory(motion, np.zeros((nv, COLUMNS)), np.zeros((nv, COLUMNS)))
         self.settings, self.dt = settings, float(controlled.law.gains[0, DT])
-        self.restoring = restoring
+        self.restoring, self.measuring = restoring, measuring
+        h = self.dt / settings.substeps
+        self.drives = None if engine is None else Drives(engine, tables, motion, h)
 
     def times(self, block: range) -> Array:
         """Return the times in a block at which the plant asks what pushes on it."""
@@ -156,34 +168,47 @@ class World:
         return times
 
     @property
-    def has_own_tick(self) -> bool:
-        """Whether the tick is that of a baseline."""
-        return self.restoring is not None
+    def has_parts(self) -> bool:
+        """Whether a part of the loop is its own: the tick of a baseline, instruments, drives."""
+        return not (self.restoring is None and self.measuring is None and self.drives is None)
 
-    def own_tick(self, desk: LoopWorkspace) -> tuple[int, Any]:
-        """Return the address of a baseline's tick, and its words; 0 and no words for the impedance law."""
+    def parts(self, block: range, desk: LoopWorkspace) -> list[tuple[int, Any]]:
+        """Return address and words of the parts, in the order of `Clock.ticks`; the words have to be kept."""
+        measuring, drives = self.measuring, self.drives
+        ahead = np.zeros((2, len(desk.v_d))) if drives is None else drives.ahead
+        return [
+            self._own_tick(desk),
+            _NO_PART if measuring is None else measuring.part(block, self.memory, ahead, desk),
+            _NO_PART if drives is None else drives.part,
+        ]
+
+    def _own_tick(self, desk: LoopWorkspace) -> tuple[int, Any]:
+        """Return the part of a baseline's tick; none for the impedance law."""
         if self.restoring is None:
-            return 0, np.zeros(1)
+            return _NO_PART
         arm, own, _ = self.controlled
         motion = self.memory.motion
-        given = TickInputs(motion.q, motion.v, desk.q_d, desk.v_d, desk.a_d, motion.tau_ext)
+        given = TickInputs(
+            desk.seen_q, desk.seen_v, desk.q_d, desk.v_d, desk.a_d, desk.seen_tau_ext
+        )
         words = hold(
             baseline_tick.BaselineWords(
                 *(arm, own, self.restoring, desk.control, baseline_tick.scratch_of(len(motion.v))),
                 *(self.memory.even, self.memory.odd, given, motion.tau),
             )
         )
-        return int(baseline_tick.baseline_part().address), words
+        return baseline_tick.baseline_part(), words
 
-    def clock(self, block: range, own_tick: tuple[int, Any] = (0, np.zeros(1))) -> Clock:
+    def clock(self, block: range, parts: Sequence[tuple[int, Any]] = ()) -> Clock:
         """Return what a kernel needs to know of the ticks of a block."""
+        addresses = [word for at, words in parts for word in (at, words.ctypes.data)]
         settings = self.settings
         integrator = _INTEGRATORS[settings.integrator]
         return Clock(
             np.array(
                 [
                     *(block.start, block.stop, settings.ticks, settings.substeps, integrator),
-                    *(own_tick[0], own_tick[1].ctypes.data),
+                    *(addresses or 6 * [0]),
                 ]
             ),
             np.array([self.dt / settings.substeps, settings.speed_bound]),
@@ -198,21 +223,15 @@ class World:
             self.clock(block.ticks), block.journal, no_figures(), self.memory.even, np.zeros(len(motion.v)),
         )  # fmt: skip
 
-    def run(self, block: Block, run: CompiledOnce = rollout, *more: Any) -> Outcome:
-        """Do a block of ticks, without the interpreter's lock.
-
-        Args:
-            block: The ticks.
-            run: The loop.
-            *more: Its further arguments.
-        """
-        own_tick = self.own_tick(block.desk)  # its words have to live as long as the call
-        clock = self.clock(block.ticks, own_tick)
+    def run(self, block: Block) -> Outcome:
+        """Do a block of ticks, without the interpreter's lock."""
+        parts = self.parts(block.ticks, block.desk) if self.has_parts else []
+        clock = self.clock(block.ticks, parts)
         arguments = (
             self.controlled, self.plant, self.surroundings.driven(block.drive), ReferenceSamples(*block.reference),
             self.memory, block.desk, clock, block.journal, block.figures or no_figures(),
         )  # fmt: skip
-        status = run(*arguments, *more)
+        status = rollout(*arguments)
         tick, joint = clock.outcome.tolist()
         return Outcome(_ENDINGS[status], tick, joint)
 
@@ -248,7 +267,8 @@ def desk(nq: int, nv: int) -> LoopWorkspace:
     """Return work space for arms of this size."""
     stages = Stages(np.zeros(nq), *np.zeros((3, nv)))
     return LoopWorkspace(
-        scratch(nv), workspace(nv), workspace(nv), stages, np.zeros(nq), *np.zeros((3, nv))
+        *(scratch(nv), workspace(nv), workspace(nv), stages, np.zeros(nq), *np.zeros((3, nv))),
+        *(np.zeros(nq), *np.zeros((3, nv)), np.ones(nv)),
     )
 
 
