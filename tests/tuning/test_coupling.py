@@ -115,7 +115,7 @@ def proposal_of(folder: Path, seed: int) -> rbi.GainProposal:
 def test_arm_whose_joint_answers_the_wrong_way_round_is_refused(tmp_path: Path) -> None:
     """The eigenvalues of G are between 1/3 and 3, and say nothing of it: the first joint's own gain is about -12.
 
-    Simulated worst plants may pass with such a joint; plants that the proposal has not seen are thrown by 0.8 rad.
+    Plants around the worst simulated one are thrown by more than a radian, whatever k2 is.
     """
     refused = proposal_of(tmp_path, 34)
     assert refused.mismatch.rho < 3.0
@@ -156,5 +156,5 @@ def test_accepted_arms_with_strongly_coupled_joints_are_not_thrown(tmp_path: Pat
         law, q0 = proposal.controller(), proposal.trajectory(0.0).q + 0.1
         for sample in proposal.uncertainty.corners(proposal.nominal, 4, seed=seed + 1):
             run = rbi.simulate(law, sample.plant, proposal.trajectory, q0=q0, duration=2.0)
-            assert np.abs(run.e1).max() < 0.4
+            assert (np.abs(run.e1).max(axis=0) <= proposal.peak).all()
     assert accepted >= 5

@@ -18,9 +18,9 @@ from .torque_demand import TorqueDemand
 from .torque_limits import demand_of, exertion_of, refused_for_torque, without_reserve
 from .worst_case import ExtremeCase, worst_cases
 
-SLOWER, FIRMER, ROUNDS = 1.6, 3.0, 3
-"""Factors by which the margin grows where a worst sample chatters or diverges, and k2 where one keeps an error, and how
-often that is tried."""
+SLOWER, FIRMER, ROUNDS = 1.6, 3.0, 4
+"""Factors by which the margin grows where a worst sample chatters or diverges, and k2 where one keeps an error or goes
+astray, and how often that is tried."""
 
 
 class Checked(NamedTuple):
@@ -77,13 +77,26 @@ def solve(task: DesignTask, measured: Measured, impedance: Impedance, q0: Array)
             found = without_reserve(task, found, demand)
         if failed.unstable:
             slower *= SLOWER
-        elif failed.error_stays:
+        elif not failed.result.saturated.any():
             firmer *= FIRMER
         else:
             break
+    found = _with_coupling(task, found)
     return Checked(
         found, certificate, worst, demand, stated(task, found, certificate, worst, scanned)
     )
+
+
+def _with_coupling(task: DesignTask, found: Design) -> Design:
+    """The design; where it is refused, with the joint whose own input gain can be negative in its reason."""
+    coupling = found.measured.coupling
+    if found.joint is None or coupling is None or coupling.least > 0.0:
+        return found
+    words = (
+        f"; joint '{task.arm.joint_names[coupling.joint]}' can answer its own torque the wrong way round: with "
+        f"{coupling.least:.2g} times the acceleration that the model expects, while the other joints are free"
+    )
+    return replace(found, reason=found.reason + words)
 
 
 def _until_failure(cases: Iterator[ExtremeCase]) -> tuple[ExtremeCase, ...]:

@@ -300,13 +300,6 @@ def _k1_and_k2(
     return K1_OVER_ROOT_K2 * np.sqrt(k2 / g), k2
 
 
-def _wrong_way_round(arm: ArmModel, coupling: Coupling) -> str:
-    return (
-        f"joint '{arm.joint_names[coupling.joint]}' can answer its own torque the wrong way round: with "
-        f"{coupling.least:.2g} times the acceleration that the model expects, while the other joints are free"
-    )
-
-
 def _checked_design(task: DesignTask, found: Design) -> Design:
     """Add the joint that stands in the way, and why, where there is one."""
     names, mismatch, units = task.arm.joint_names, found.measured.mismatch, task.arm.position_units
@@ -322,9 +315,6 @@ def _checked_design(task: DesignTask, found: Design) -> Design:
             f"{task.dt:g} s no margin up to {LARGEST_MARGIN:g} tolerates that"
         )
         return replace(found, joint=joint, reason=reason)
-    coupling = found.measured.coupling
-    if coupling is not None and coupling.least <= 0.0:
-        return replace(found, joint=coupling.joint, reason=_wrong_way_round(task.arm, coupling))
     joint = int(np.argmax(found.error + found.noise_error))
     unit = units[joint]
     if found.error[joint] + found.noise_error[joint] > _FAR_TOO_MUCH * task.accuracy:

@@ -90,7 +90,8 @@ def measure_with_gains(
     Returns:
         The mismatch, and G of every sample at every motion, shape (N, nv, nv).
     """
-    seen = [_look(model, sample, motions, dt) for sample in samples]
+    known = _Modelled(_mass_matrices(model, motions), _torques(model, motions))
+    seen = [_look(known, sample, motions, dt) for sample in samples]
     inertia = np.min([one.inertia for one in seen], axis=0)
     lows, highs = [one.low[0] for one in seen], [one.high[0] for one in seen]
     accelerations = [float((one.torque / inertia).max()) for one in seen]
@@ -145,35 +146,47 @@ def balanced_model(
     return best, held
 
 
-def _look(model: ArmModel, sample: PlantSample, motions: Sequence[Motion], dt: float) -> _Seen:
+def _look(
+    known: _Modelled,
+    sample: PlantSample,
+    motions: Sequence[Motion],
+    dt: float,
+) -> _Seen:
     """Measure one plant."""
-    nv = model.nv
-    torque, disturbance, rate = np.zeros(nv), np.zeros(nv), np.zeros(nv)
-    softest = dt * _friction_slopes(sample.plant)[0]
-    for now, then in motions:
-        missed, pushed = missed_torque(model, sample, now, softest)
-        _, pushed_then = missed_torque(model, sample, then, softest)
-        torque = np.maximum(torque, np.abs(missed))
-        disturbance = np.maximum(disturbance, np.abs(pushed))
-        rate = np.maximum(rate, np.abs(pushed_then - pushed) / dt)
-    M_true, gains = _input_gains(model, sample, motions, dt)
-    softest_held = np.linalg.inv(M_true[: len(motions)]).diagonal(axis1=1, axis2=2)
-    inertia = (1.0 / softest_held).min(axis=0)
-    return _Seen(torque, disturbance, rate, inertia, gains, *_extreme_gains(M_true, gains))
-
-
-def _input_gains(
-    model: ArmModel, sample: PlantSample, motions: Sequence[Motion], dt: float
-) -> tuple[Array, Array]:
-    """M_true as a torque held for a period meets it, with the softest friction first, and G, at every motion."""
     slopes = [dt * slope for slope in _friction_slopes(sample.plant)]
     slopes = slopes if (slopes[1] > slopes[0]).any() else slopes[:1]
-    places = [now.q for now, _ in motions]
-    M_true = np.array([sample.plant.raw_dynamics.mass_matrix(q) for q in places])
-    M_model = np.array([model.raw_dynamics.mass_matrix(q) for q in places])
-    M_held = np.concatenate([M_true + np.diag(slope) for slope in slopes])
-    asked = sample.torque_constant[:, None] * M_model
-    return M_held, np.linalg.solve(M_held, np.concatenate([asked] * len(slopes)))
+    M = _mass_matrices(sample.plant, motions)
+    missed = _torques(sample.plant, motions) - sample.torque_constant * known.torques
+    M_held = np.concatenate([M[:, 0] + np.diag(slope) for slope in slopes])
+    asked = sample.torque_constant[:, None] * known.mass[:, 0]
+    gains = np.linalg.solve(M_held, np.concatenate([asked] * len(slopes)))
+    pushed = np.linalg.solve(M + np.diag(slopes[0]), missed[..., None])[..., 0]
+    softest_held = np.linalg.inv(M_held[: len(motions)]).diagonal(axis1=1, axis2=2)
+    return _Seen(
+        np.abs(missed[:, 0]).max(axis=0),
+        np.abs(pushed[:, 0]).max(axis=0),
+        np.abs(pushed[:, 1] - pushed[:, 0]).max(axis=0) / dt,
+        (1.0 / softest_held).min(axis=0),
+        gains,
+        *_extreme_gains(M_held, gains),
+    )
+
+
+class _Modelled(NamedTuple):
+    """What the model has at the motions, now and then: mass matrices (N, 2, nv, nv) and torques (N, 2, nv)."""
+
+    mass: Array
+    torques: Array
+
+
+def _mass_matrices(arm: ArmModel, motions: Sequence[Motion]) -> Array:
+    mass = arm.raw_dynamics.mass_matrix
+    return np.array([[mass(now.q), mass(then.q)] for now, then in motions])
+
+
+def _torques(arm: ArmModel, motions: Sequence[Motion]) -> Array:
+    torque = arm.raw_dynamics.inverse_dynamics
+    return np.array([[torque(*now), torque(*then)] for now, then in motions])
 
 
 def missed_torque(

@@ -48,6 +48,12 @@ class PlantSample:
     delay: int
     seed: int
 
+    @property
+    def is_imperfect(self) -> bool:
+        """Whether sensors or actuators are not perfect."""
+        noise = self.position_noise > 0.0 or self.velocity_noise > 0.0
+        return bool(noise or self.delay > 0 or (self.torque_constant != 1.0).any())
+
     def wrap(self, controller: AnyController, *, noisy: bool = True) -> AnyController:
         """Return the controller behind this sample's sensors and actuators.
 

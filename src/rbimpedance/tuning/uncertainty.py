@@ -241,9 +241,12 @@ class Uncertainty:
         payload, scale = float(drawn["payload"][0]), float(drawn["inertia_scale"][0])
         gyration = float(drawn["payload_gyration"][0])
         plant = arm.with_scaled_inertia(scale) if scale != 1.0 else arm
-        plant = plant.with_friction(
-            arm.viscous + drawn["viscous"], arm.coulomb + drawn["coulomb"]
-        ).with_armature(drawn["armature"])
+        if drawn["viscous"].any() or drawn["coulomb"].any():
+            plant = plant.with_friction(
+                arm.viscous + drawn["viscous"], arm.coulomb + drawn["coulomb"]
+            )
+        if (drawn["armature"] != arm.armature).any():
+            plant = plant.with_armature(drawn["armature"])
         if drawn["tilt"].any():
             gravity = np.array(arm.raw_dynamics.model.gravity.linear)
             plant = plant.with_gravity(tilted(gravity, drawn["tilt"]))

@@ -75,15 +75,6 @@ class ExtremeCase(NamedTuple):
     unstable: bool
 
     @property
-    def error_stays(self) -> bool:
-        """Whether the error of the joint that failed no longer falls, which firmer gains may fix."""
-        if self.joint is None or self.unstable:
-            return False
-        late = np.abs(self.true_error[self.result.t >= LATE * self.result.t[-1], self.joint])
-        before, last = np.array_split(late, 2)
-        return bool(last.max() > before.max() / 2.0)
-
-    @property
     def true_error(self) -> Array:
         """True error e1 at all times, which sensors do not disturb, shape (N, nv) [rad or m]."""
         return true_error(self.sample.plant, self.result)
