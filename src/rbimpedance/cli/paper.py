@@ -39,7 +39,7 @@ def paper(
 ) -> None:
     """Reproduce section 4 of the paper: figures 2 to 4, the data, and each correction and baseline beside it.
 
-    Takes about a minute.
+    Takes some fifteen seconds, the first time on a machine a minute more.
     """
     model = knowledge.knowledge("inertia")
     prepare(output.out)

@@ -109,8 +109,8 @@ def simulate_batch(  # noqa: PLR0913 (worlds and their settings, each given by n
 
     On `hardware` the worlds of a `HardwareController` with rigid joints are compiled, too, and bit-equal to those of
     `simulate`: about 0.05 ms a tick for seven joints, of which much is for the trajectory, which is sampled for every
-    world in Python. Other controllers, and joints with springs, are run in Python there: one to two
-    milliseconds a tick, one world after the other.
+    world in Python. An `ImpedanceController` is compiled there on links without friction. All others, and a
+    `HardwareController` with springs, are run in Python: one to two milliseconds a tick, one world after the other.
 
     Args:
         controller: Controllers, all of the same period, for the same number of joints.

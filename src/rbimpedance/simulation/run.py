@@ -86,9 +86,12 @@ def simulate(  # noqa: PLR0913 (what acts on a run, each given by name)
 
     The loop is computed as the `backend` of an `ImpedanceController` says, with results equal to rounding: "numpy" by
     Python, the specification; "pinocchio" by compiled code around Pinocchio's algorithms; "compiled" by one compiled
-    function (docs/how-a-tick-runs.md). The compiled loops take every `Interaction` of the library and no sensor, and
-    sample trajectory and functions of time ahead, some thousand steps at once. What has no compiled form, and every
-    other controller, is run in Python; where "compiled" was requested, the logger "rbimpedance" says so, once.
+    function (docs/how-a-tick-runs.md). The compiled loops take every `Interaction` of the library, and
+    sample trajectory and functions of time ahead, some thousand steps at once. The one compiled function also runs
+    baselines of the joints without limits, and both behind `QuantizedEncoders`, `ImperfectController` or a
+    `MomentumObserver`, and on a `DrivenPlant` of rigid links without torque loop and rotors' friction; springs, too.
+    What has no compiled form, and every other controller, is run in Python; where "compiled" was requested, the logger
+    "rbimpedance" says so, once.
 
     Args:
         controller: Any object with `arm`, `dt`, `init`, `step` and `impedance_error`; or a `CartesianController`, whose

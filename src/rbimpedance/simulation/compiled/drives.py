@@ -119,7 +119,7 @@ def _take(words: DriveWords) -> None:
 
 @inline
 def _give(words: DriveWords) -> None:
-    """Write the torque on the links over a step, and keep what is left for the rotors."""
+    """Write the torque on the links over a step, and keep the rest for the rotors."""
     motion, joints, state, pending = words.motion, words.joints, words.state, words.pending
     for i in range(len(motion.q)):
         words.before[i] = motion.q[i]
