@@ -80,6 +80,8 @@ from .law.impedance_changes import check_variation as check_variation
 from .law.limits import Limits as Limits
 from .law.poses import CartesianReference as CartesianReference
 from .law.poses import Pose as Pose
+from .law.sampled_certificate import SampledCertificate as SampledCertificate
+from .law.sampled_certificate import certify_sampled as certify_sampled
 from .law.super_twisting import FormulaReaching as FormulaReaching
 from .law.super_twisting import SuperTwisting as SuperTwisting
 from .law.surfaces import FastTerminalSurface as FastTerminalSurface

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast, overload
 
 import numpy as np
@@ -16,6 +16,7 @@ from ..exceptions import ParameterError
 from ..law.certificate import Certificate
 from ..law.impedance import Impedance
 from ..law.limits import Limits, as_limits
+from ..law.sampled_certificate import SampledCertificate
 from ..law.super_twisting import SuperTwisting
 from ..law.surfaces import NonsingularTerminalSurface, Surface
 from ..robot.arm_model import ArmModel
@@ -30,6 +31,7 @@ from .hardware_proposal import HardwareProposal, propose_for_hardware
 from .mismatch import Mismatch
 from .motions import MotionMargin
 from .remedies import Remedy, Trial, Tried, try_remedies
+from .sampled_proof import prove
 from .tool_gains import propose_at_tool
 from .tool_proposal import CartesianGainProposal
 from .torque_demand import TorqueDemand
@@ -130,6 +132,21 @@ class GainProposal:
         return ImpedanceController(
             self.arm, impedance, self.surface, reaching, self.dt, limits=limits
         )
+
+    def prove(self, *, lost: int = 0, spread: MotionMargin | None = None) -> SampledCertificate:
+        """Certify the sampled loop of all joints together, over sampled plants and motions; some seconds.
+
+        What it proves holds on the motion, with an integral that holds what it needs; see `certify_sampled` for its
+        assumptions, and docs/theory.md, section 9.1. Not every proposal has a proof.
+
+        Args:
+            lost: Ticks in a row that may be lost, time and again.
+            spread: How far motions leave the trajectory.
+
+        Raises:
+            ParameterError: The surface is not a `FastTerminalSurface`.
+        """
+        return prove(self, lost=lost, spread=spread)
 
     def explain(self) -> str:
         """Explain the proposal, or why it is infeasible and what would help."""
@@ -246,6 +263,7 @@ def propose_gains(  # noqa: PLR0913 (requirements, each given by name)
     accuracy: float | None = None,
     hardware: Hardware | None = None,
     frame: str | None = None,
+    proof: bool = False,
     **search: Any,
 ) -> GainProposal | HardwareProposal | CartesianGainProposal:
     """Propose gains for an arm from what is not known about it.
@@ -278,6 +296,7 @@ def propose_gains(  # noqa: PLR0913 (requirements, each given by name)
             allows [rad or m]. With `frame`, translations are allowed `damping.length` times as much [rad].
         hardware: What is between a tick and the links; None for nothing.
         frame: Name of the frame for gains at the tool; None for gains of the joints.
+        proof: Feasible only with a certificate of the sampled loop (`GainProposal.prove`); of joints without hardware.
         **search: The fields of `gain_design.Search`: samples, instants, seed, backend, on_tick, remedy_time. With
             `frame` also `damping`, of the Jacobian's inverse.
 
@@ -313,7 +332,16 @@ def propose_gains(  # noqa: PLR0913 (requirements, each given by name)
     target = usual_impedance() if impedance is None else impedance
     if hardware is not None and not hardware.is_perfect:
         return propose_for_hardware(task, hardware, target, q0, accuracy)
-    return _searched(Trial(task, target, q0))
+    found = _searched(Trial(task, target, q0))
+    return _proven(found, task) if proof and found.feasible else found
+
+
+def _proven(found: GainProposal, task: DesignTask) -> GainProposal:
+    """The proposal, refused where there is no certificate of its sampled loop."""
+    certificate = prove(found, spread=task.spread, seed=task.seed)
+    if certificate.feasible:
+        return found
+    return replace(found, feasible=False, reason=f"not proven: {certificate.reason}")
 
 
 def _check_at_tool(**unused: object) -> None:
