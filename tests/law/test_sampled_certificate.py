@@ -77,15 +77,14 @@ def test_late_and_lost_ticks_stay_within_the_bounds(delay: int, lost: int, margi
 
 @pytest.mark.slow
 def test_a_loop_that_fails_is_not_certified() -> None:
-    """With margin 1.3 and three ticks of delay the loop oscillates; 2.5 times the gain is too much without delay."""
+    """With margin 1.3 and three ticks of delay the loop oscillates."""
     reaching = SuperTwisting(K1, K2, "matched", 1.3)
     e1, _ = adversarial_errors(reaching, GENTLE, 1e-3, GAINS, RATE, delay=3, ticks=800)
     calm, _ = adversarial_errors(reaching, GENTLE, 1e-3, GAINS, RATE, ticks=800)
     assert abs(e1).max() > 5.0 * abs(calm).max()
-    assert not _certified(delay=3).feasible
-    strong = certify_sampled(K1, K2, [2.5 * GAINS], RATE, surface=GENTLE, dt=1e-3)
-    assert not strong.feasible
-    assert "joint" in strong.reason
+    late = _certified(delay=3)
+    assert not late.feasible
+    assert "joint" in late.reason
 
 
 @pytest.mark.slow

@@ -31,10 +31,10 @@ from .surfaces import FastTerminalSurface
 _TICKS = 1500
 _CHECKED_EVERY = 20
 _SETTLED = 0.005  # change over that many ticks after which sets are tried that stay
-_ROOM = (1.03, 1.15)  # by which their bounds are larger than those reached
+_ROOM = (1.05, 1.3)  # by which their bounds are larger than those reached
 _ENTRY = 400  # ticks in which they are entered
 _TRIES = 2
-_TRACE = 1.0 + 1e-4  # by which each is larger than where the tick before leads
+_TRACE = 1.0 + 1e-5  # by which each is larger than where the tick before leads
 _FAR = 30.0  # s that is lost [rad/s]
 _SMALL = 1e-6  # of a unit: the smallest sets
 _SHARES = (1.0, 0.1, 0.01)

@@ -61,7 +61,12 @@ def prove(
     samples += given.uncertainty.corners(arm, SAMPLES, seed=seed)
     gains = [measure_with_gains(given.arm, [sample], motions, dt)[1] for sample in samples]
     rate = np.max([_needed_rate(given.arm, sample, motions, dt) for sample in samples], axis=0)
-    loop: dict[str, Any] = {"surface": given.surface, "dt": dt, "margin": given.margin, "lost": lost}
+    loop: dict[str, Any] = {
+        "surface": given.surface,
+        "dt": dt,
+        "margin": given.margin,
+        "lost": lost,
+    }
     delay = given.uncertainty.delay
     return certify_sampled(given.k1, given.k2, _grouped(gains), rate, delay=delay, **loop)
 
