@@ -24,8 +24,8 @@ _COLUMNS = (
 
 LEGEND = (
     "k1, k2: gains; margin: how many periods the scheme takes to respond; mismatch: largest torque that the model gets "
-    "wrong; inertia: smallest that the motors move; rate: how fast the disturbance changes; error left: the steady "
-    "error under such a disturbance, one joint alone; noise: torque that sensor noise causes"
+    "wrong; inertia: smallest that the motors move; rate: how fast the disturbance changes; error left: the largest "
+    "error after convergence, from simulated worst cases with headroom; noise: torque that sensor noise causes"
 )
 """What the columns of the table of gains mean."""
 
