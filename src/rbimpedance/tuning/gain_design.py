@@ -69,7 +69,7 @@ class Search:
     seed: int = 0
     backend: Backend = "compiled"
     on_tick: Callable[[int, int], None] | None = None
-    remedy_time: float = 30.0
+    remedy_time: float = 4.0
 
     def __post_init__(self) -> None:
         """Check the numbers."""

@@ -66,7 +66,7 @@ def stated(
     runs = [(case.result.t, np.abs(case.true_error), np.abs(case.result.s)) for case in sound]
     floor = _floor(task, design)
     late = np.max([e1[t >= after].max(axis=0) for t, e1, _ in runs], axis=0)
-    most = np.maximum(task.accuracy, PEAK_HEADROOM * late)
+    most = np.maximum(task.accuracy, 2.0 * late)
     error = floor + np.minimum(ERROR_HEADROOM * late, most)
     least_s = slope_at_zero(design.surface, len(floor)) * floor
     s_error = least_s + ERROR_HEADROOM * np.max(
