@@ -35,8 +35,10 @@ BEST = 2e-3
 """Accuracy that is aimed at where none is requested [rad or m]."""
 
 LOUDEST = 2.0
-"""Gains are made softer where the torque varies by more than this times what the motion needs, and 2 N·m/s, and refused
-where that does not help."""
+"""Gains are made softer where the torque varies by more than this times what the motion needs, and 2 N·m/s."""
+
+REFUSED = 2.5
+"""A proposal that varies by more than this, however soft, is refused."""
 
 GATE_SHARE = 0.25
 """Share of the accuracy at which the bandwidth is raised,"""
@@ -382,8 +384,8 @@ def _judged(found: HardwareProposal, accuracy: float | None) -> HardwareProposal
     bound = found._words(joint)
     if not np.isfinite(error).all():
         reason, remedies = "the arm is lost in simulation", _shorter(found)
-    elif found.exceeds(LOUDEST):
-        reason = f"the torque varies by {found.variation:.2g} times what the motion needs, more than {LOUDEST:g}"
+    elif found.exceeds(REFUSED):
+        reason = f"the torque varies by {found.variation:.2g} times what the motion needs, more than {REFUSED:g}"
         remedies = ("finer encoders: a bit more lowers the noise to half", *_shorter(found))
     elif accuracy is not None and error[joint] > accuracy:
         reason = (
