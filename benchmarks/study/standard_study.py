@@ -2,8 +2,11 @@
 
     rbimpedance study standard --jobs 2 --out out/standard
     python -m benchmarks.study.standard_study out/standard
+    rbimpedance study linear --jobs 2 --out out/linear
+    python -m benchmarks.study.standard_study --linear out/linear
 
-Every number of the page comes from the study's own table; docs/figures/standard_study.json keeps them.
+Every number of the page comes from the studies' own tables; docs/figures/standard_study.json and linear_study.json keep
+them.
 """
 
 from __future__ import annotations
@@ -24,6 +27,7 @@ from rbimpedance.study.summary import COMPARED, summarize
 
 PAGE = pages.DOCS / "standard-study.md"
 FIGURES = pages.FIGURES / "standard_study.json"
+LINEAR = pages.FIGURES / "linear_study.json"
 PICTURES = ("deviation", "ratio", "pareto")
 
 
@@ -139,11 +143,31 @@ def tables(figures: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
+def linear_tables(figures: Mapping[str, Any]) -> dict[str, str]:
+    """Tables of the study with an integrator, by their marks."""
+    found = tables(figures)
+    return {
+        f"linear {name}": found[name] for name in ("alone", "compared", "deviation", "variation")
+    }
+
+
+def rewrite_linear(folder: Path) -> None:
+    """Read the study of linear laws, and rewrite its part of the page."""
+    figures = figures_of(pyarrow.parquet.read_table(folder / "linear.parquet"))
+    LINEAR.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+    rewrite(PAGE, linear_tables(figures))
+
+
 def main() -> None:
     """Read the study and rewrite the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, nargs="?", default=Path("out/standard"))
-    folder = parser.parse_args().folder
+    parser.add_argument("--linear", action="store_true", help="the folder is that of LINEAR")
+    asked = parser.parse_args()
+    folder = asked.folder
+    if asked.linear:
+        rewrite_linear(folder)
+        return
     figures = figures_of(pyarrow.parquet.read_table(folder / "standard.parquet"))
     FIGURES.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
     for name in PICTURES:

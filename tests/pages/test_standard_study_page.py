@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from benchmarks.study import standard_study
-from rbimpedance.study.standard import STANDARD
+from rbimpedance.study.standard import LINEAR, STANDARD
 
 ROOT = Path(__file__).parents[2]
 
@@ -23,6 +23,14 @@ def figures() -> dict[str, Any]:
 def test_tables_are_those_of_the_measured_figures(figures: dict[str, Any]) -> None:
     page = standard_study.PAGE.read_text("utf-8")
     for place, table in standard_study.tables(figures).items():
+        assert f"<!-- {place} -->\n\n{table}\n\n<!-- end of {place} -->" in page, place
+
+
+def test_tables_of_linear_laws_are_those_of_their_figures() -> None:
+    page = standard_study.PAGE.read_text("utf-8")
+    figures = json.loads(standard_study.LINEAR.read_text("utf-8"))
+    assert list(figures["summary"]["controllers"]) == list(LINEAR.controllers)
+    for place, table in standard_study.linear_tables(figures).items():
         assert f"<!-- {place} -->\n\n{table}\n\n<!-- end of {place} -->" in page, place
 
 

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 import rbimpedance as rbi
 from rbimpedance.study import Experiment, Task
-from rbimpedance.study.standard import STANDARD
+from rbimpedance.study.standard import LINEAR, STANDARD
 from rbimpedance.study.standard.arms import AMPLITUDE, ARMS, DELAY, PERIOD
 from rbimpedance.study.standard.controllers import CONTROLLERS, first_order_gains
 from rbimpedance.study.standard.disturbances import DISTURBANCES, Chirp
@@ -38,6 +38,17 @@ def test_study_is_six_arms_twelve_disturbances_and_ten_controllers() -> None:
     )
     assert STANDARD.runs == 5040
     assert STANDARD.duration == 5.0
+
+
+def test_linear_laws_meet_the_same_experiments() -> None:
+    """Plants and motions depend on the seed and the names of arm and disturbance alone."""
+    assert LINEAR.runs == 6 * 12 * 7 * 4
+    assert (LINEAR.seed, LINEAR.samples, LINEAR.robots) == (
+        STANDARD.seed,
+        STANDARD.samples,
+        STANDARD.robots,
+    )
+    assert LINEAR.disturbances is STANDARD.disturbances
 
 
 def test_what_is_compared_with_is_the_library_itself() -> None:

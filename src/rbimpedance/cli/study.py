@@ -28,7 +28,7 @@ def study(
         str,
         typer.Argument(
             metavar="STUDY",
-            help="standard, or FILE.py:NAME or MODULE:NAME, whose code is then run.",
+            help="standard, linear, or FILE.py:NAME or MODULE:NAME, whose code is then run.",
         ),
     ],
     out: Annotated[

@@ -12,7 +12,7 @@ from .._common.suggestions import suggest
 from .definition import Study
 from .folder import StudyError
 
-NAMED = {"standard": "rbimpedance.study.standard:STANDARD"}
+NAMED = {name: f"rbimpedance.study.standard:{name.upper()}" for name in ("standard", "linear")}
 """Where the library's own studies are."""
 
 
@@ -20,7 +20,7 @@ def find_study(words: str) -> Study:
     """Return a study by its name, or by where it is. The code that is named is run.
 
     Args:
-        words: "standard"; or FILE.py:NAME, or MODULE:NAME, where NAME is a `Study` of that file or module.
+        words: "standard", "linear"; or FILE.py:NAME, or MODULE:NAME, where NAME is a `Study` of that file or module.
 
     Raises:
         StudyError: There is none.

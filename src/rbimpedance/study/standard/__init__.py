@@ -1,8 +1,10 @@
 """The standard study: six arms, twelve disturbances, ten controllers, fixed seeds (docs/standard-study.md)."""
 
+from dataclasses import replace
+
 from ..definition import Study
 from .arms import ROBOTS
-from .controllers import CONTROLLERS
+from .controllers import CONTROLLERS, WITH_AN_INTEGRAL
 from .disturbances import DISTURBANCES
 
 STANDARD = Study(
@@ -16,3 +18,6 @@ STANDARD = Study(
     seed=2026,
 )
 """5,040 runs of 5 s."""
+
+LINEAR = replace(STANDARD, name="linear", controllers=WITH_AN_INTEGRAL)
+"""The same experiments with PIDs around the same reference: 2,016 runs."""

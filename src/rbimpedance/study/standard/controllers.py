@@ -9,6 +9,7 @@ delay and the highest input gain.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -22,6 +23,7 @@ from ...control.baselines import (
     Smoothing,
 )
 from ...control.controller import ImpedanceController
+from ...control.pid import PIDImpedance
 from ...control.protocol import Controller
 from ...law.super_twisting import SuperTwisting
 from ...law.surfaces import PowerSurface
@@ -128,6 +130,23 @@ CONTROLLERS: Mapping[str, Callable[[Task], Controller[Any]]] = MappingProxyType(
     }
 )
 """By name; the first one is what the others are compared with."""
+
+
+def pid(task: Task, bandwidth: float) -> PIDImpedance:
+    """Return inverse dynamics with a PID around the reference, its three poles at a bandwidth [rad/s]."""
+    return PIDImpedance(task.model, task.impedance, bandwidth, task.dt)
+
+
+PID_POLES = (40, 100, 200)
+"""Of the PIDs [rad/s], whatever the bounds are; behind two ticks of delay the first has about 45° of phase margin."""
+
+WITH_AN_INTEGRAL: Mapping[str, Callable[[Task], Controller[Any]]] = MappingProxyType(
+    {
+        "super-twisting terminal": super_twisting_terminal,
+        **{f"PID, poles {p}": partial(pid, bandwidth=float(p)) for p in PID_POLES},
+    }
+)
+"""Our law and linear ones that also have an integral, likewise."""
 
 
 def _power(task: Task, reaching: SuperTwisting) -> ImpedanceController:
