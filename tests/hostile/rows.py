@@ -50,7 +50,7 @@ letter in an angle | rpy="0 0 0.5" | rpy="0 0 a" | ModelError | joint 'shoulder'
 negative damping | damping="0.3" | damping="-0.3" | ModelError | is negative
 huge damping | damping="0.3" | damping="1e30" | sound |
 degrees as rad | rpy="0 0 0.5" | rpy="0 0 360" | sound |
-angle of 1e30 | rpy="0 0 0.5" | rpy="0 0 1e30" | ModelError | no angles
+angle of 1e30 | rpy="0 0 0.5" | rpy="0 0 1e30" | ModelError | too large
 two origins | <origin xyz="0 0 0.4"/> | <origin xyz="0 0 0.4"/><origin xyz="0 0 0.4"/> | ModelError | 2 <origin>
 no type | type="revolute" |  | ModelError | joint 'shoulder' needs the attribute type
 kind in capitals | type="revolute" | type="Revolute" | ModelError | unknown type 'Revolute'; did you mean 'revolute'

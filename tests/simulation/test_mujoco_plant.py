@@ -422,8 +422,8 @@ def test_mimicking_joint_is_refused_by_name_with_the_way_out() -> None:
 
 
 SCENES = {
-    '<mujoco><worldbody><body><freejoint/><geom size="1"/></body></worldbody></mujoco>': "moves",
-    "<mujoco><option timestep='1'/></mujoco>": "<option> is not taken",
+    '<mujoco><worldbody><body><freejoint/><geom size="1"/></body></worldbody></mujoco>': "moving bodies",
+    "<mujoco><option timestep='1'/></mujoco>": "<option> is not supported",
     "<mujoco><worldbody><geom/></worldbody></mujoco>": "MuJoCo does not read 'slider'",
     "<robot/>": "must be MJCF",
     "<mujoco>": "scene",

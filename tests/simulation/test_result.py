@@ -231,7 +231,7 @@ def test_every_truncated_file_is_refused(tmp_path: Path) -> None:
     whole, cut = path.read_bytes(), tmp_path / "cut.npz"
     for size in range(0, len(whole) - 1, 97):
         cut.write_bytes(whole[:size])
-        with pytest.raises(rbi.ModelError, match="not a whole result file"):
+        with pytest.raises(rbi.ModelError, match="not a complete result file"):
             rbi.SimulationResult.load(cut)
 
 
@@ -244,7 +244,7 @@ def test_damaged_member_is_refused(run: rbi.SimulationResult, tmp_path: Path, na
     end = member.header_offset + 30 + len(member.filename) + member.compress_size
     content[end - 20] ^= 0xFF
     path.write_bytes(bytes(content))
-    with pytest.raises(rbi.ModelError, match="not a whole result file"):
+    with pytest.raises(rbi.ModelError, match="not a complete result file"):
         rbi.SimulationResult.load(path)
 
 
@@ -254,18 +254,18 @@ def header(**changes: Any) -> Array:
 
 ZEROS = {name: np.zeros(3) for name in CHANNELS}
 FOREIGN: dict[str, tuple[dict[str, Any], str]] = {
-    "no header": (ZEROS, "not a whole result file"),
-    "header is no JSON": (ZEROS | {"header": np.array("{")}, "not a whole result file"),
-    "header is a list": (ZEROS | {"header": np.array("[1]")}, "not a whole result file"),
+    "no header": (ZEROS, "not a complete result file"),
+    "header is no JSON": (ZEROS | {"header": np.array("{")}, "not a complete result file"),
+    "header is a list": (ZEROS | {"header": np.array("[1]")}, "not a complete result file"),
     "header is an object": (
         ZEROS | {"header": np.array([{"format": 2}], dtype=object)},
-        "not a whole result file",
+        "not a complete result file",
     ),
-    "no provenance": (ZEROS | {"header": np.array('{"format": 2}')}, "not a whole result file"),
-    "no arrays": ({"header": header()}, "not a whole result file"),
+    "no provenance": (ZEROS | {"header": np.array('{"format": 2}')}, "not a complete result file"),
+    "no arrays": ({"header": header()}, "not a complete result file"),
     "pickled array": (
         ZEROS | {"header": header(), "tau": np.array([1.0, None], dtype=object)},
-        "not a whole result file",
+        "not a complete result file",
     ),
     "another format": (ZEROS | {"header": header(format=99)}, "format 99; this version reads 2"),
 }
@@ -282,7 +282,7 @@ def test_what_is_no_archive_is_refused(tmp_path: Path) -> None:
     (tmp_path / "text.npz").write_text("t, q\n0, 1\n")
     np.save(tmp_path / "array.npy", T)
     for path in (tmp_path / "text.npz", tmp_path / "array.npy", tmp_path):
-        with pytest.raises(rbi.ModelError, match="not a whole result file"):
+        with pytest.raises(rbi.ModelError, match="not a complete result file"):
             rbi.SimulationResult.load(path)
 
 

@@ -142,7 +142,7 @@ def test_folder_of_another_study_is_refused_and_what_differs_is_named(
     part = SMALL.part(robots=("one",), disturbances=("push",), samples=1)
     rows(part, tmp_path)
     before = {path: path.read_bytes() for path in tmp_path.rglob("*.*")}
-    with pytest.raises(StudyError, match=f"holds another study: .* differs .* in {named}"):
+    with pytest.raises(StudyError, match=f"holds a different study: .* differs .* in {named}"):
         rows(replace(part, **change), tmp_path)
     assert {path: path.read_bytes() for path in tmp_path.rglob("*.*")} == before
 

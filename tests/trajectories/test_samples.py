@@ -190,7 +190,7 @@ def test_joint_trajectory_of_another_arm_is_refused(arm: rbi.ArmModel) -> None:
     points = [as_dictionary(t, [0.0, 0.0]) for t in (0.0, 1.0)]
     first, second = arm.joint_names
     for names, words in (
-        ([first, "elbow"], "joint_names has 'elbow', which is no joint of 'two_link'"),
+        ([first, "elbow"], "joint_names has 'elbow', which is not a joint of 'two_link'"),
         ([first, first], f"joint_names has joint '{first}' 2 times"),
         ([first], f"joint_names has joint '{second}' 0 times"),
     ):
@@ -222,11 +222,11 @@ def test_csv_file_is_read_by_the_names_of_its_columns(
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("t,{0},{1}\n0,0,0\n1,x,0", "no number"),
+        ("t,{0},{1}\n0,0,0\n1,x,0", "not a number"),
         ("t,{0},{1}\n0,0,0\n1,0", "row 2: 2 entries for 3 columns"),
         ("t,{0}\n0,0\n1,0", "no column '{1}'"),
         ("{0},{1}\n0,0\n1,0", "no column 't'"),
-        ("t,{0},{1},elbow\n0,0,0,0\n1,0,0,0", "column 'elbow' that is no joint"),
+        ("t,{0},{1},elbow\n0,0,0,0\n1,0,0,0", "column 'elbow' that is not a joint"),
         ("t,{0},{1},{0}_v\n0,0,0,0\n1,0,0,0", "no column '{1}_v'"),
         ("t,{0},{0}\n0,0,0\n1,0,0", "a column twice"),
         ("", "no samples"),

@@ -112,7 +112,7 @@ def dump(state: Any, template: Any, identity: str) -> bytes:
     """
     kinds = {kind.__name__ for kind in _kinds(template)}
     if not is_finite(state):
-        raise SnapshotError("a state that is not finite is not kept")
+        raise SnapshotError("a state with NaN or infinity cannot be saved")
     body = json.dumps(_encoded(state, kinds), allow_nan=False, separators=(",", ":"))
     header = {
         "format": FORMAT,
@@ -156,17 +156,17 @@ def restore(content: bytes, template: Any, identity: str) -> Any:
 def _parts(content: bytes) -> tuple[Mapping[str, Any], str]:
     """Header and body; an error where there are none."""
     if len(content) > MAX_BYTES:
-        raise SnapshotError(f"has more than {MAX_BYTES} bytes: that is no snapshot")
+        raise SnapshotError(f"has more than {MAX_BYTES} bytes: a snapshot is smaller")
     head, _, rest = content.partition(b"\n")
     try:
         header = json.loads(head)
         body = rest.decode("ascii")
     except (ValueError, RecursionError) as error:
-        raise SnapshotError("is no snapshot, or only a piece of one") from error
+        raise SnapshotError("is not a snapshot, or is cut short") from error
     if not isinstance(header, dict) or header.get("format") != FORMAT:
-        raise SnapshotError("is no snapshot of this library")
+        raise SnapshotError("is not a snapshot of this library")
     if not body.endswith("\n"):
-        raise SnapshotError("is only a piece of a snapshot: its end is missing")
+        raise SnapshotError("is cut short: the end of the snapshot is missing")
     return header, body[:-1]
 
 
@@ -197,12 +197,12 @@ def _encoded(value: Any, kinds: set[str]) -> Any:
             return {"tuple": items}
         name = type(value).__name__
         if name not in kinds:
-            raise SnapshotError(f"a state with a {name} in it cannot be kept")
+            raise SnapshotError(f"a state with a {name} in it cannot be saved")
         return {"named": name, "items": items}
     if isinstance(value, np.ndarray):
         kind = f"{value.dtype.kind}{value.dtype.itemsize}"
         if kind not in _KINDS:
-            raise SnapshotError(f"a state with an array of {value.dtype} in it cannot be kept")
+            raise SnapshotError(f"a state with an array of {value.dtype} in it cannot be saved")
         return {"array": kind, "shape": list(value.shape), "hex": _bytes_of(value, kind).hex()}
     if isinstance(value, float):
         return {"float": float(value).hex()}
@@ -210,7 +210,7 @@ def _encoded(value: Any, kinds: set[str]) -> Any:
         return value.item()
     if value is None or isinstance(value, bool | int | str):
         return value
-    raise SnapshotError(f"a state with a {type(value).__name__} in it cannot be kept")
+    raise SnapshotError(f"a state with a {type(value).__name__} in it cannot be saved")
 
 
 def _bytes_of(array: Any, kind: str) -> bytes:
@@ -221,7 +221,7 @@ def _decoded(data: Any, kinds: Mapping[str, Any]) -> Any:
     if not isinstance(data, dict):
         if data is None or isinstance(data, bool | int | str):
             return data
-        raise TypeError(f"{type(data).__name__} is no part of a state")
+        raise TypeError(f"{type(data).__name__} cannot be part of a state")
     if "array" in data:
         array = np.frombuffer(bytes.fromhex(data["hex"]), dtype=_KINDS[data["array"]])
         return array.reshape(data["shape"]).astype(array.dtype.newbyteorder("="))

@@ -27,7 +27,7 @@ def _unit_vector(name: str, value: ArrayLike) -> Array:
     direction = vector(name, value, 3, "x, y, z")
     length = float(np.linalg.norm(direction))
     if length == 0.0:
-        raise ParameterError(name, value, "a vector that is not zero")
+        raise ParameterError(name, value, "a nonzero vector")
     return read_only(direction / length)
 
 

@@ -51,9 +51,7 @@ def energy_balance(result: SimulationResult, plant: ArmModel) -> EnergyBalance:
         ModelError: The run simulated another arm.
     """
     if result.provenance["plant"]["digest"] != plant.digest:
-        raise ModelError(
-            f"the run simulated another arm than {plant!r}: give the plant of `simulate`"
-        )
+        raise ModelError(f"the run did not simulate {plant!r}: give the plant of `simulate`")
     dynamics, rest = plant.raw_dynamics, np.zeros(plant.nv)
     states = list(zip(result.q, result.v, strict=True))
     moved = difference_each(plant, result.q[:-1], result.q[1:])

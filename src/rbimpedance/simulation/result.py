@@ -328,7 +328,7 @@ class SimulationResult(RunLog):
             derived = {c.name: arrays.pop(c.name) for c in CHANNELS if c.source == "derived"}
         except KeyError as error:
             raise ModelError(
-                f"'{path}' is not a whole result file written by SimulationResult.save"
+                f"'{path}' is not a complete result file written by SimulationResult.save"
             ) from error
         result = cls(**arrays, tool=tool, provenance=content.provenance)
         result._derived.update(derived)

@@ -76,7 +76,7 @@ def read(path: str | os.PathLike[str]) -> Content:
         raise
     except Exception as error:
         raise ModelError(
-            f"'{path}' is not a whole result file written by SimulationResult.save"
+            f"'{path}' is not a complete result file written by SimulationResult.save"
         ) from error
 
 

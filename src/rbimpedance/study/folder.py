@@ -97,8 +97,8 @@ class StudyFolder:
         names = differences(other, self._identity)
         if there.get("format") != FORMAT or names:
             raise StudyError(
-                f"'{self.path}' holds another study: it differs from '{self.study.name}' in "
-                f"{', '.join(names) or 'format'}. Give this one a folder of its own, or remove that one"
+                f"'{self.path}' holds a different study: it differs from '{self.study.name}' in "
+                f"{', '.join(names) or 'format'}. Use another folder, or delete that study"
             )
 
     def _manifest(self) -> dict[str, Any]:

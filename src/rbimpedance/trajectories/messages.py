@@ -44,7 +44,7 @@ def from_csv(
     for name in columns:
         if name not in known:
             raise InputError(
-                f"'{path}' has a column '{name}' that is no joint of '{arm.name}'{suggest(name, known)}"
+                f"'{path}' has a column '{name}' that is not a joint of '{arm.name}'{suggest(name, known)}"
             )
     parts = [
         _joined(str(path), columns, [name + ending for name in arm.joint_names], ending != "")
@@ -110,7 +110,7 @@ def _read_columns(path: Path) -> dict[str, Array]:
     try:
         values = np.array(table[1:], dtype=np.float64)
     except ValueError as error:
-        raise InputError(f"'{path}' has an entry that is no number: {error}") from error
+        raise InputError(f"'{path}' has an entry that is not a number: {error}") from error
     return dict(zip(names, values.T, strict=True))
 
 
@@ -127,7 +127,7 @@ def _order(arm: ArmModel, names: list[str]) -> list[int]:
     for name in names:
         if name not in arm.joint_names:
             raise InputError(
-                f"joint_names has '{name}', which is no joint of '{arm.name}'{suggest(name, arm.joint_names)}"
+                f"joint_names has '{name}', which is not a joint of '{arm.name}'{suggest(name, arm.joint_names)}"
             )
     for name in arm.joint_names:
         if names.count(name) != 1:
@@ -154,7 +154,7 @@ def _get(part: Any, name: str, default: Any = _REQUIRED) -> Any:
     value = part.get(name, default) if isinstance(part, Mapping) else getattr(part, name, default)
     if value is _REQUIRED:
         raise InputError(
-            f"a {type(part).__name__} without '{name}' is no part of a JointTrajectory"
+            f"a {type(part).__name__} without '{name}' is not a part of a JointTrajectory"
         )
     return value
 

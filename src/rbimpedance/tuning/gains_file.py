@@ -213,7 +213,9 @@ def save_gains(
     """
     if type(proposal.surface) not in _SURFACES.values():
         raise ParameterError(
-            "surface", proposal.surface, f"one that a file can name: {', '.join(_SURFACES)}"
+            "surface",
+            proposal.surface,
+            f"of a kind that gains files support: {', '.join(_SURFACES)}",
         )
     target = Path(path)
     text = json.dumps(proposal_data(proposal), indent=2, allow_nan=False)
@@ -244,7 +246,7 @@ def load_gains(path: str | os.PathLike[str]) -> Gains:
     except (ParameterError, ModelError):
         raise
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise ModelError(f"'{path}' is not a whole file written by save_gains") from error
+        raise ModelError(f"'{path}' is not a complete file written by save_gains") from error
     raise ParameterError("gains", data["reason"], f"feasible; those in '{path}' were refused")
 
 

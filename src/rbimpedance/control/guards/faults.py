@@ -134,5 +134,5 @@ def _finite_or(limit: Array, otherwise: float) -> Array:
 def _ends(name: str, value: ArrayLike, nv: int) -> Array:
     array = np.array(real(name, value, "one number per joint"))
     if array.ndim > 1 or np.isnan(array).any():
-        raise ParameterError(name, value, "a scalar or one number per joint; ±inf for no end")
+        raise ParameterError(name, value, "a scalar or one number per joint; ±inf for no bound")
     return np.array(per_joint(name, array, nv))

@@ -208,7 +208,9 @@ def _read_limit(
     if lower > upper:
         raise ModelError(f"{where}: the lower limit {lower} is above the upper limit {upper}")
     if lower > FARTHEST_LIMIT or upper < -FARTHEST_LIMIT:
-        raise ModelError(f"{where}: no joint gets between the limits {lower} and {upper}")
+        raise ModelError(
+            f"{where}: no joint moves between the limits {lower} and {upper}; give them in rad or m"
+        )
     return (
         -math.inf if lower < -FARTHEST_LIMIT else lower,
         math.inf if upper > FARTHEST_LIMIT else upper,
@@ -240,5 +242,5 @@ def _pose(element: etree._Element, where: str) -> tuple[tuple[float, ...], tuple
         return zero, zero
     rpy = numbers_of(origin, "rpy", 3, where, zero)
     if max(map(abs, rpy)) > LARGEST_ANGLE:
-        raise ModelError(f"{where}: <origin> rpy {rpy} are no angles; give them in rad")
+        raise ModelError(f"{where}: <origin> rpy {rpy} are too large for angles; give them in rad")
     return numbers_of(origin, "xyz", 3, where, zero), rpy

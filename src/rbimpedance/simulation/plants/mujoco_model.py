@@ -106,7 +106,7 @@ def _compiled(
     except (ValueError, mj.FatalError) as error:
         raise ModelError(f"MuJoCo does not read '{arm.name}': {error}") from error
     if model.nv != arm.nv or model.neq:
-        raise ModelError("scene: something in it moves; MujocoPlant takes fixed geoms only")
+        raise ModelError("scene: it has moving bodies; MujocoPlant supports fixed geoms only")
     return model
 
 
@@ -154,7 +154,7 @@ def _with_scene(mj: Any, spec: Any, scene: str) -> Any:
     tags = [str(element.tag) for element in root]
     if others := [tag for tag in tags if tag not in SCENE]:
         raise ModelError(
-            f"scene: <{others[0]}> is not taken, only {', '.join(f'<{t}>' for t in SCENE)}"
+            f"scene: <{others[0]}> is not supported, only {', '.join(f'<{t}>' for t in SCENE)}"
         )
     text = etree.tostring(root, encoding="unicode")
     frame = spec.worldbody.add_frame()

@@ -268,13 +268,13 @@ def _compare(plant: MujocoPlant) -> None:
         if not (share <= AGREEMENT).all():
             joint = plant.arm.joint_names[int(np.argmax(share))]
             raise ModelError(
-                f"MuJoCo reads '{plant.arm.name}' otherwise than Pinocchio: their {name} differs by {share.max():.1e}, "
+                f"MuJoCo and Pinocchio read '{plant.arm.name}' differently: their {name} differs by {share.max():.1e}, "
                 f"most at joint '{joint}'; tolerance {AGREEMENT:g}"
             )
 
 
 def _check_scene(scene: str | None, tool_radius: float | None) -> None:
     if (scene is None) != (tool_radius is None):
-        raise ParameterError("tool_radius", tool_radius, "given with scene=, and only then")
+        raise ParameterError("tool_radius", tool_radius, "given only together with scene=")
     if tool_radius is not None:
         positive_number("tool_radius", tool_radius, "radius in metres")
