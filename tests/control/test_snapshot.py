@@ -233,7 +233,7 @@ def test_failed_write_leaves_the_old_snapshot(
 
 def test_states_that_cannot_be_kept_are_refused() -> None:
     for state in (object(), np.array(["a"]), np.array([np.nan]), [1.0], rbi.Reference(1, 2, 3)):  # type: ignore[arg-type]
-        with pytest.raises(SnapshotError, match="cannot be (saved|part)|NaN"):
+        with pytest.raises(SnapshotError, match=r"cannot be (saved|part)|NaN"):
             dump(state, (), "x")
 
 

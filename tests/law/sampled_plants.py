@@ -54,10 +54,10 @@ def adversarial_errors(
         if rng.random() < 0.05:
             G, mode, way = (
                 gains[rng.integers(len(gains))],
-                rng.integers(3),
+                int(rng.integers(3)),
                 rng.choice([-1.0, 1.0], n),
             )
-        way = {0: -np.sign(s) + (s == 0.0), 1: way, 2: np.sign(s) + (s == 0.0)}[int(mode)]
+        way = {0: -np.sign(s) + (s == 0.0), 1: way, 2: np.sign(s) + (s == 0.0)}[mode]
         before, needed = needed, needed + dt * rate * way
         bound = max(disturbance, 1e9) if disturbance == 0.0 else 1e9
         needed = np.clip(needed, -bound, bound)

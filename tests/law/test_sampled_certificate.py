@@ -26,7 +26,7 @@ GENTLE = FastTerminalSurface(smoothing=0.1)
 
 
 def _certified(margin: float = 1.3, **options: Any) -> SampledCertificate:
-    given = {"surface": GENTLE, "dt": 1e-3, "margin": margin} | options
+    given: dict[str, Any] = {"surface": GENTLE, "dt": 1e-3, "margin": margin} | options
     return certify_sampled(K1, K2, [GAINS], RATE, **given)
 
 
@@ -55,7 +55,7 @@ def test_the_peak_holds_from_the_start(certificate: SampledCertificate) -> None:
     assert pushed.share == 1.0
     late = int(pushed.settling_time / 1e-3) + 1
     for seed in range(3):
-        start = {"disturbance": 0.2, "e0": 1e-4, "seed": seed, "ticks": late + 300}
+        start: dict[str, Any] = {"disturbance": 0.2, "e0": 1e-4, "seed": seed, "ticks": late + 300}
         e1, _ = adversarial_errors(reaching, GENTLE, 1e-3, GAINS, RATE, **start)
         assert (abs(e1).max(0) <= pushed.e1_peak).all()
         assert (abs(e1[late:]).max(0) <= pushed.e1_bound).all()

@@ -44,16 +44,16 @@ def _broken(words: str, rows: Rows) -> tuple[Any, ...]:
 
 
 def _figures(words: str, rows: Rows) -> tuple[Any, ...]:
-    yes, noes = ([r for r in rows if r["feasible"] is is_yes] for is_yes in (True, False))
-    ratios = [row["stated"] / row["late"] for row in yes if row["late"]]
-    by_hand = sum(row["by_hand"] is not None for row in noes)
+    accepted, refused = ([r for r in rows if r["feasible"] is is_yes] for is_yes in (True, False))
+    ratios = [row["stated"] / row["late"] for row in accepted if row["late"]]
+    by_hand = sum(row["by_hand"] is not None for row in refused)
     return (
         words,
         *_two(ratios, np.median, np.min),
-        len(noes),
+        len(refused),
         by_hand,
-        *_two([row["cpu"] for row in yes], np.median, np.max),
-        *_two([row["cpu"] for row in noes], np.median, np.max),
+        *_two([row["cpu"] for row in accepted], np.median, np.max),
+        *_two([row["cpu"] for row in refused], np.median, np.max),
     )
 
 
