@@ -12,6 +12,7 @@ from rbimpedance.tuning import hardware_proposal
 from rbimpedance.tuning.hardware_bandwidths import (
     HardwareDemand,
     bandwidths,
+    spring_bound,
     variation_of_motion,
 )
 
@@ -21,7 +22,8 @@ USUAL: dict[str, Any] = {"encoder_bits": 19, "torque_lag": 2e-3, "delay": 1, "st
 
 
 def demand(**changes: float) -> HardwareDemand:
-    values = {"delay": 3.5e-3, "inertia": 0.2, "mass": 0.3, "jump": 4.8, "count": 1.2e-5} | changes
+    values = {"delay": 3.5e-3, "inertia": 0.2, "mass": 0.3, "jump": 4.8, "count": 1.2e-5}
+    values |= {"spring": np.inf} | changes
     one = {name: np.array([value]) for name, value in values.items()}
     return HardwareDemand(**one, need=10.0, accuracy=0.7e-3)
 
@@ -130,12 +132,48 @@ def test_promise_of_a_loud_proposal_rests_on_every_plant(monkeypatch: pytest.Mon
     assert len({id(run.sample) for run in found.runs}) == 3
 
 
-def test_springs_without_a_torque_sensor_are_refused_in_words() -> None:
-    found = proposed(rbi.Hardware(**USUAL, joint_stiffness=1e4))
-    assert not found.feasible
-    assert "spring" in found.reason
-    assert any("torque sensor" in remedy for remedy in found.remedies)
-    assert "No controller" in found.explain()
+def largest_real_part(omega: float, B: float, m: float, K: float, side: str) -> float:
+    """Of the eigenvalues of rotor and link on a damped spring, under observer and law in continuous time."""
+    damping = 0.1 * np.sqrt(K / (1.0 / B + 1.0 / m))
+    rotor, rotor_speed, link, link_speed, q, v, d = range(7)
+    A, observed, states = np.zeros((7, 7)), 3.0 * omega, np.eye(7)
+    u = (B + m) * -(omega**2 * states[q] + 2.0 * omega * states[v] + states[d])
+    spring = K * (states[rotor] - states[link])
+    spring += damping * (states[rotor_speed] - states[link_speed])
+    A[rotor], A[rotor_speed] = states[rotor_speed], (u - spring) / B
+    A[link], A[link_speed] = states[link_speed], spring / m
+    innovation = states[rotor if side == "motor" else link] - states[q]
+    A[q] = states[v] + 3.0 * observed * innovation
+    A[v] = u / (B + m) + states[d] + 3.0 * observed**2 * innovation
+    A[d] = observed**3 * innovation
+    return float(np.linalg.eigvals(A).real.max())
+
+
+@pytest.mark.parametrize("side", ["motor", "link"])
+@pytest.mark.parametrize(("B", "m", "K"), [(0.1, 5.0, 1e4), (0.1, 0.2, 1e4), (0.5, 5.0, 1e5)])
+def test_spring_bound_is_within_two_and_a_half_times_of_where_the_spring_sings(
+    B: float, m: float, K: float, side: Any
+) -> None:
+    hardware = rbi.Hardware(joint_stiffness=K, rotor_inertia=B, encoder_side=side)
+    inertia = np.array([B + m])
+    omega = float(spring_bound(hardware, pendulum().with_armature(B), inertia, inertia)[0])
+    assert largest_real_part(omega, B, m, K, side) < 0.0
+    assert largest_real_part(2.5 * omega, B, m, K, side) > 0.0
+
+
+def test_joints_without_springs_and_with_torque_sensors_have_no_such_bound() -> None:
+    for hardware in (rbi.Hardware(), rbi.Hardware(joint_stiffness=1e4, torque_sensor=0.02)):
+        assert np.isinf(spring_bound(hardware, pendulum(), *np.ones((2, 1)))).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("side", ["motor", "link"])
+def test_springs_without_a_torque_sensor_get_a_soft_law_that_says_so(side: str) -> None:
+    found = proposed(rbi.Hardware(**USUAL, joint_stiffness=1e4, encoder_side=side), duration=1.5)
+    assert found.feasible
+    assert "spring" in found.bandwidths.bound
+    assert "Springs without a torque sensor" in found.explain()
+    assert ("do not see the springs yield" in found.explain()) == (side == "motor")
 
 
 @pytest.mark.slow

@@ -7,15 +7,16 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from .._common.arrays import Array
+from .._common.arrays import Array, per_joint
 from ..control.hardware_controller import OBSERVER_RATIO
 from ..robot.arm_model import ArmModel
 from ..robot.hardware import Hardware
 from ..trajectories import Trajectory
 from .worst_case import needed_variation
 
-Bound: TypeAlias = Literal["delay", "friction", "noise"]
-"""What keeps a bandwidth from being higher: the hardware's delay, no need of more, or the noise of the encoders."""
+Bound: TypeAlias = Literal["delay", "friction", "noise", "spring"]
+"""What keeps a bandwidth from being higher: the hardware's delay, no need of more, the noise of the encoders, or the
+resonance of a spring."""
 
 DELAY_SHARE = 0.3
 """Largest ω·T_d of the loop, with T_d the time from a measurement to its torque. Linear theory allows 0.42."""
@@ -32,6 +33,12 @@ LARGEST_RATIO = 6.0
 NOISE_GAIN = 0.23
 """Torque variation of counting, over κ-independent factors: 0.23·(1 + 6/r + 3/r²)·M·c·ω_o³."""
 
+SPRING_SHARE = 0.5
+"""Largest gain of the loop at the resonance of a joint's spring without a torque sensor."""
+
+SPRING_DAMPING = 0.05
+"""Share of critical damping that a spring is taken to have."""
+
 FINEST_COUNT = 2.0 * np.pi / 2**26  # rad
 
 _STEP = 5e-3  # s between the instants at which the torque of a motion is taken
@@ -47,6 +54,7 @@ class HardwareDemand:
         mass: Largest M_ii of the model [kg·m² or kg].
         jump: J, of dry friction at a reversal [N·m or N].
         count: c, of the encoders [rad or m].
+        spring: Bandwidth that the resonance of a spring without a torque sensor allows; +inf without one [rad/s].
         need: Torque variation that the motion itself needs, over all joints [N·m/s or N/s].
         accuracy: Error after a jump that is aimed at [rad or m].
     """
@@ -56,6 +64,7 @@ class HardwareDemand:
     mass: Array
     jump: Array
     count: Array
+    spring: Array
     need: float
     accuracy: float
 
@@ -86,7 +95,8 @@ def bandwidths(demand: HardwareDemand) -> HardwareBandwidths:
         quiet = clip(ω_n/r, alert/6, alert),    0.23·(1 + 6/r + 3/r²)·M_ii·c·ω_n³ = 0.3·need/n,
 
     with r the ratio of the observer's bandwidth to the loop's. The alert one is as high as the delay allows or as the
-    jump of dry friction at a reversal needs; the quiet one is as high as its noise in the torque allows.
+    jump of dry friction at a reversal needs; the quiet one is as high as its noise in the torque allows. A spring
+    bounds both.
 
     Args:
         demand: What they follow from.
@@ -94,24 +104,47 @@ def bandwidths(demand: HardwareDemand) -> HardwareBandwidths:
     r, n = OBSERVER_RATIO, len(demand.delay)
     by_delay = DELAY_SHARE / demand.delay
     by_friction = np.sqrt(JUMP_SHARE * demand.jump / (demand.inertia * demand.accuracy))
-    alert = np.minimum(by_delay, by_friction)
+    alert = np.minimum(np.minimum(by_delay, by_friction), demand.spring)
     gain = NOISE_GAIN * (1.0 + 6.0 / r + 3.0 / r**2) * demand.mass
     gain = gain * np.maximum(demand.count, FINEST_COUNT)
     by_noise = (NOISE_SHARE * demand.need / n / gain) ** (1.0 / 3.0) / r
     quiet = np.clip(by_noise, alert / LARGEST_RATIO, alert)
-    is_late, is_noisy = by_delay <= by_friction, quiet < 0.99 * alert
-    words = {(0, 0): "friction", (1, 0): "delay", (0, 1): "noise", (1, 1): "noise"}
-    bound: tuple[Bound, ...] = tuple(
-        words[int(late), int(noisy)]  # type: ignore[misc]
-        for late, noisy in zip(is_late, is_noisy, strict=True)
+    bounds = np.select(
+        [quiet < 0.99 * alert, alert == demand.spring, by_delay <= by_friction],
+        ["noise", "spring", "delay"],
+        "friction",
     )
     return HardwareBandwidths(
         quiet=quiet,
         alert=alert,
-        bound=bound,
+        bound=tuple(bounds.tolist()),
         noise=float((gain * (r * quiet) ** 3).sum()),
         jump_error=np.asarray(JUMP_SHARE * demand.jump / (demand.inertia * alert**2)),
     )
+
+
+def spring_bound(hardware: Hardware, arm: ArmModel, inertia: Array, mass: Array) -> Array:
+    """Return the bandwidth that a spring without a torque sensor allows, shape (nv,); +inf without one [rad/s].
+
+    Well above its own bandwidth ω, law and observer answer a position with 90·M_ii·ω³/s. At the resonance
+    ω_s = √(K·(1/B + 1/m)) the position behind a torque is 1/(2ζ·ω_s²·I), where I is the inertia of what the encoder is
+    on, rotor or link. The product of both stays below `SPRING_SHARE`, so that the phase there does not matter.
+
+    Args:
+        hardware: What is between tick and links.
+        arm: The model, rotors included.
+        inertia: Effective inertia of the joints, rotors included [kg·m² or kg].
+        mass: M_ii of the model [kg·m² or kg].
+    """
+    K = per_joint("joint_stiffness", hardware.joint_stiffness, arm.nv)
+    elastic, B = np.isfinite(K), hardware.rotors(arm)
+    if hardware.torque_sensor is not None or not elastic.any():
+        return np.full(arm.nv, np.inf)
+    link = np.maximum(inertia - B, 1e-3 * mass)
+    resonance = np.sqrt(np.where(elastic, K, 1.0) * (1.0 / B + 1.0 / link))
+    seen = B if hardware.encoder_side == "motor" else link
+    cube = SPRING_SHARE * 2.0 * SPRING_DAMPING * resonance**3 * seen / (90.0 * mass)
+    return np.where(elastic, np.cbrt(cube), np.inf)
 
 
 def variation_of_motion(

@@ -26,6 +26,7 @@ from .hardware_bandwidths import (
     HardwareBandwidths,
     HardwareDemand,
     bandwidths,
+    spring_bound,
     variation_of_motion,
 )
 from .plant_sample import PlantSample, with_body
@@ -169,6 +170,7 @@ class HardwareProposal:
             f"Simulated on the worst samples: error {1e3 * self.error.max():.3g} mrad, torque variation "
             f"{self.variation:.2g} times what the motion needs."
         )
+        lines += self._of_springs()
         if self.softer:
             lines.append(
                 f"Bandwidths are {100 * (1 - _SOFTER**self.softer):.0f} % lower than the hardware allows, and raised "
@@ -185,7 +187,20 @@ class HardwareProposal:
             "delay": f"the delay of {1e3 * demand.delay[j]:.3g} ms",
             "friction": f"what a jump of {demand.jump[j]:.3g} N·m needs: more is not worth its noise",
             "noise": f"the noise of counts of {1e6 * demand.count[j]:.3g} µrad",
+            "spring": "the resonance of its spring, which no torque sensor damps",
         }[self.bandwidths.bound[j]]
+
+    def _of_springs(self) -> list[str]:
+        """What springs without a torque sensor mean."""
+        hardware = self.hardware
+        if not hardware.is_elastic or hardware.torque_sensor is not None:
+            return []
+        words = (
+            "Springs without a torque sensor: the law is soft, so that their resonance stays quiet."
+        )
+        if hardware.encoder_side == "motor":
+            words += " Encoders on the motors do not see the springs yield: the links are off by torque over stiffness."
+        return [f"{words} A torque sensor behind every gear would allow more."]
 
     def _listed(self) -> list[str]:
         return [f"- {remedy}" for remedy in self.remedies]
@@ -211,9 +226,7 @@ def propose_for_hardware(
     seen = _as_seen(task.arm, hardware)
     measured = measure_task(replace(task, arm=seen, uncertainty=smooth))
     found = _designed(task, hardware, measured, accuracy or BEST)
-    if hardware.is_elastic and hardware.torque_sensor is None:
-        return _refused_for_springs(found)
-    samples, tried = _samples(task), list[HardwareProposal]()
+    samples, tried = _samples(task, hardware), list[HardwareProposal]()
     for softer in range(_ROUNDS):
         found = _until_loud(task, _softened(found, softer), impedance, q0, samples)
         tried.append(found)
@@ -259,13 +272,14 @@ def _designed(
     arm, q = measured.model, task.trajectory(0.0).q
     friction = np.maximum(task.uncertainty.coulomb.max(axis=0) + task.arm.coulomb, _LEAST_FRICTION)
     heaviest = task.uncertainty.sample(task.arm, 1, seed=task.seed)[0].plant
-    mismatch = measured.mismatch
+    mismatch, mass = measured.mismatch, np.diag(arm.mass_matrix(q)).copy()
     demand = HardwareDemand(
         delay=hardware.delay_bound(arm, task.dt),
         inertia=mismatch.inertia,
-        mass=np.diag(arm.mass_matrix(q)).copy(),
+        mass=mass,
         jump=2.0 * (1.0 + hardware.stribeck) * friction,
         count=hardware.count(arm),
+        spring=spring_bound(hardware, arm, mismatch.inertia, mass),
         need=variation_of_motion(heaviest, hardware, task.trajectory, task.duration),
         accuracy=_JUMP_TARGET * accuracy,
     )
@@ -328,7 +342,7 @@ def _controller(
         bandwidths=(proposal.bandwidths.quiet, proposal.bandwidths.alert),
         dt=proposal.dt,
         k2=proposal.k2,
-        learns_friction=not proposal.hardware.is_elastic,
+        learns_friction=not proposal.hardware.is_elastic or proposal.hardware.torque_sensor is None,
         accuracy=proposal.accuracy,
         expected=proposal.expected,
         load=proposal.load,
@@ -368,9 +382,15 @@ def _runs(
         yield HardwareRun(sample, error, variation)
 
 
-def _samples(task: DesignTask) -> list[PlantSample]:
-    """The heaviest and the lightest plant first, with the most and the least friction, and plants between them."""
+def _samples(task: DesignTask, hardware: Hardware) -> list[PlantSample]:
+    """The heaviest and the lightest plant first, with the most and the least friction, and plants between them.
+
+    Springs are simulated in Python, and on three plants alone.
+    """
     corners = len(task.uncertainty.extremes(task.arm))
+    if hardware.is_elastic:
+        drawn = task.uncertainty.extremes(task.arm)
+        return [drawn[i] for i in sorted({0, corners // 2, corners - 1})]
     extremes = sorted({0, corners // 2, corners - 1, corners // 3, 2 * corners // 3})
     inside = range(corners, corners + _INSIDE * (corners > 1))
     drawn = task.uncertainty.sample(task.arm, corners + _INSIDE, seed=task.seed)
@@ -399,20 +419,11 @@ def _judged(found: HardwareProposal, accuracy: float | None) -> HardwareProposal
 
 
 def _shorter(found: HardwareProposal) -> tuple[str, ...]:
-    return (f"a shorter delay than {1e3 * found.demand.delay.max():.3g} ms",)
-
-
-def _refused_for_springs(found: HardwareProposal) -> HardwareProposal:
-    elastic = np.isfinite(np.broadcast_to(found.hardware.joint_stiffness, (found.arm.nv,)))
-    joint = found.arm.joint_names[int(np.argmax(elastic))]
-    return replace(
-        found,
-        feasible=False,
-        joint=joint,
-        reason=f"joint '{joint}' has a spring: above its resonance only the rotor answers, which this law mistakes "
-        "for a wrong input gain",
-        remedies=(
-            "a torque sensor behind every gear, with an inner torque loop, and encoders on the links",
-            "PD with gravity compensation, `baselines.PDGravity`, which is stable on springs",
-        ),
+    remedy = f"a shorter delay than {1e3 * found.demand.delay.max():.3g} ms"
+    if not np.isfinite(found.demand.spring).any():
+        return (remedy,)
+    return (
+        "a torque sensor behind every gear, with an inner torque loop, and encoders on the links",
+        "PD with gravity compensation, `baselines.PDGravity`, with gains for a slower loop",
+        remedy,
     )
