@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from benchmarks.study import standard_study
+from benchmarks import pages
+from benchmarks.study import large_errors, standard_study
 from rbimpedance.study.standard import LINEAR, STANDARD
 
 ROOT = Path(__file__).parents[2]
@@ -32,6 +33,14 @@ def test_tables_of_linear_laws_are_those_of_their_figures() -> None:
     assert list(figures["summary"]["controllers"]) == list(LINEAR.controllers)
     for place, table in standard_study.linear_tables(figures).items():
         assert f"<!-- {place} -->\n\n{table}\n\n<!-- end of {place} -->" in page, place
+
+
+@pytest.mark.parametrize(("where", "page"), [("joints", "standard-study.md"), ("tool", "tool.md")])
+def test_tables_of_starts_are_those_of_their_figures(where: str, page: str) -> None:
+    rows = json.loads((pages.FIGURES / "large_errors.json").read_text("utf-8"))
+    text = (pages.DOCS / page).read_text("utf-8")
+    for place, table in large_errors.tables(rows, where).items():
+        assert f"<!-- {place} -->\n\n{table}\n\n<!-- end of {place} -->" in text, place
 
 
 def test_figures_are_of_the_whole_study_as_it_is_defined_now(figures: dict[str, Any]) -> None:
