@@ -14,7 +14,7 @@ from .._common.arrays import Array
 from ..law.impedance import Impedance
 from ..robot.units import error_unit
 from .checks import Checked, solve
-from .gain_design import Design, DesignTask, measure_task
+from .gain_design import DesignTask, measure_task
 from .torque_demand import slowed
 from .torque_limits import within_limits
 
@@ -94,8 +94,8 @@ def try_remedies(trial: Trial, refused: Checked) -> Tried:
         for words, changes in way:
             if time.monotonic() > end:
                 return Tried(tuple(remedies), tuple(failed), complete=False)
-            found = trial.of(changes).design
-            if found.joint is None:
+            found = trial.of(changes)
+            if found.design.joint is None:
                 remedies.append(Remedy(words + _figures(trial.task, found), changes))
                 break
             failed.append(words)
@@ -225,7 +225,6 @@ def _slower_motion(task: DesignTask) -> list[Step]:
     ]
 
 
-def _figures(task: DesignTask, found: Design) -> str:
-    return (
-        f": margin {found.margin:.2g}, error {float(found.error.max()):.2g} {error_unit(task.arm)}"
-    )
+def _figures(task: DesignTask, found: Checked) -> str:
+    error = float(found.stated.error.max())
+    return f": margin {found.design.margin:.2g}, error {error:.2g} {error_unit(task.arm)}"
