@@ -3,7 +3,8 @@
     franky-sim -s mujoco --hostname 127.0.0.1
     python -m benchmarks.hardware.franka --urdf fr3.urdf --duration 600
 
-With limits enforced, and a payload that nobody declares:
+With limits enforced, and a heavier flange (franka-sim compensates the weight of all bodies, so its inertia alone is
+unknown):
 
     python -m benchmarks.hardware.franka --heavier fr3.xml --mass 2 > heavy.xml
     FR3_MJCF=heavy.xml run-franka-sim-server --enforce-comm-constraints --enforce-motion-limits

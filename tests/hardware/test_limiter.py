@@ -63,3 +63,19 @@ def test_torque_stays_within_its_limit_and_arrives_unchanged_inside() -> None:
     command, was_limited = CommandLimiter(TWO).limit(np.array([0.3, 9.4]), applied)
     assert not was_limited
     np.testing.assert_array_equal(command, [0.3, 9.4])
+
+
+def test_commands_on_their_way_are_the_delay_of_the_robot() -> None:
+    rng, delay = np.random.default_rng(0), 3
+    limiter, sent = CommandLimiter(TWO), [np.zeros(2)] * delay
+    for _ in range(50):
+        command, _ = limiter.limit(rng.normal(0.0, 0.1, 2), sent[-delay])
+        sent.append(command)
+    assert limiter.on_their_way == delay
+
+
+def test_command_that_stays_the_same_is_not_on_its_way_for_long() -> None:
+    limiter, still = CommandLimiter(TWO), np.full(2, 0.5)
+    for _ in range(30):
+        limiter.limit(still, still)
+    assert limiter.on_their_way == 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._common.arrays import Array
+from .._common.arrays import Array, BoolArray
 from .protocol import Conventions
 
 MARGIN = 0.99
@@ -53,15 +53,24 @@ class CommandLimiter:
         self._on_their_way = [*self._on_their_way, command][-MOST_ON_THEIR_WAY:]
         return command, bool((command != wanted).any())
 
-    def _acknowledge(self, reported: Array) -> None:
-        """Forget the commands up to the one that the robot reports now and did not before.
+    @property
+    def on_their_way(self) -> int:
+        """Commands that the robot has not reported yet, the latest included: 1 where all is well."""
+        return len(self._on_their_way)
 
-        Of equal ones it is the first: the others may still be to come.
+    def _acknowledge(self, reported: Array) -> None:
+        """Forget the commands up to the one that the robot reports now and did not before, and equal ones after it.
+
+        Of equal ones elsewhere it is the first: the others may still be to come.
         """
         before, self._reported = self._reported, reported
-        if before is not None and np.array_equal(before, reported):
+        if not self._on_their_way:
             return
-        for i, command in enumerate(self._on_their_way):
-            if np.allclose(command, reported, rtol=_SINGLE, atol=_SINGLE):
-                del self._on_their_way[: i + 1]
-                return
+        close = _SINGLE * (1.0 + np.abs(reported))
+        away = np.abs(np.stack(self._on_their_way) - reported)
+        equal: BoolArray = np.all(away <= close, axis=1)
+        is_news = before is None or not np.array_equal(before, reported)
+        done = int(np.argmax(equal)) if is_news and equal.any() else 0
+        while done < len(equal) and equal[done]:
+            done += 1
+        del self._on_their_way[:done]

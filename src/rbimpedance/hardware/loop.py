@@ -133,7 +133,8 @@ class Driver:
         is_limited: bool,
         begun: float,
     ) -> None:
-        row = (self.time, now.q, now.v, e1, tau, command, cycles, perf_counter() - begun)
+        delay, work = self._limiter.on_their_way, perf_counter() - begun
+        row = (self.time, now.q, now.v, e1, tau, command, cycles, delay, work)
         counts = self.time > 2.0 * self.soft_start
         self.recorder.add(row, limited=is_limited, counts=counts, before=self._command)
 

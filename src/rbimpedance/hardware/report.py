@@ -10,7 +10,7 @@ from .._common.arrays import Array
 from ..control.guards import FaultEvent
 from ..control.loop import TimeHistogram
 
-CHANNELS = ("t", "q", "v", "e1", "tau", "command", "cycles", "work")
+CHANNELS = ("t", "q", "v", "e1", "tau", "command", "cycles", "delay", "work")
 """What is logged at every tick."""
 
 
@@ -23,6 +23,7 @@ class RunReport(NamedTuple):
         missed: Cycles of the robot without a tick.
         longest_gap: Longest time from tick to tick, in cycles.
         repeated: States that came twice: the command was sent again, without a tick.
+        delay: Largest number of cycles from a command to the state that reports it; 1 where every command is in time.
         limited: Ticks whose torque was held back by the robot's limits of torque and torque rate.
         work_p50: Median of the time from a state to its command [s].
         work_p999: Its percentile 99.9 [s].
@@ -39,6 +40,7 @@ class RunReport(NamedTuple):
     missed: int
     longest_gap: int
     repeated: int
+    delay: int
     limited: int
     work_p50: float
     work_p999: float
@@ -50,11 +52,13 @@ class RunReport(NamedTuple):
     ended: str
 
     def __repr__(self) -> str:
+        worst = 1e3 * self.error_rms.max(initial=0.0)
         work = f"{1e6 * self.work_p50:.0f} µs, 99.9 % up to {1e6 * self.work_p999:.0f} µs"
         return (
             f"RunReport: {self.ended}; {self.ticks} ticks, {self.late} late, {self.missed} cycles missed "
-            f"(at most {self.longest_gap - 1 if self.longest_gap else 0} in a row), {self.limited} limited; "
-            f"own work {work}; error {1e3 * self.error_rms.max(initial=0.0):.3g} mrad or mm rms at the worst joint, "
+            f"(at most {self.longest_gap - 1 if self.longest_gap else 0} in a row), {self.limited} limited, "
+            f"command reported within {self.delay} cycles; own work {work}; "
+            f"error {worst:.3g} mrad or mm rms at the worst joint, "
             f"torque step {self.step_rms.max(initial=0.0):.3g} N·m or N rms"
         )
 
@@ -65,8 +69,8 @@ class RobotRun(NamedTuple):
     Attributes:
         report: Statistics of all of it.
         log: The last ticks, one array for each of `CHANNELS`, the first axis time: time on the robot's clock [s],
-            configuration, velocity, position error, torque of the law, command, cycles since the tick before, time from
-            the state to its command [s].
+            configuration, velocity, position error, torque of the law, command, cycles since the tick before, commands
+            that the robot has not reported yet, time from the state to its command [s].
     """
 
     report: RunReport
@@ -92,12 +96,12 @@ class Recorder:
     """
 
     def __init__(self, nq: int, nv: int, length: int) -> None:
-        sizes = {"t": (), "cycles": (), "work": (), "q": (nq,)}
+        sizes = {"t": (), "cycles": (), "delay": (), "work": (), "q": (nq,)}
         self._log = {
             name: np.zeros((length, *sizes.get(name, (nv,))), dtype=np.float64) for name in CHANNELS
         }
         self._length, self._nv = length, nv
-        self._ticks = self._late = self._missed = self._longest = self._limited = 0
+        self._ticks = self._late = self._missed = self._longest = self._limited = self._delay = 0
         self._work, self.repeated = TimeHistogram(), 0
         self._judged, self._errors, self._steps = 0, np.zeros(nv), np.zeros(nv)
         self._largest = np.zeros(nv)
@@ -115,12 +119,13 @@ class Recorder:
         place = self._ticks % self._length
         for name, value in zip(CHANNELS, row, strict=True):
             self._log[name][place] = value
-        *_, e1, _, command, cycles, work = row
+        *_, e1, _, command, cycles, delay, work = row
         self._ticks += 1
         self._late += cycles > 1
         self._missed += cycles - 1
         self._longest = max(self._longest, cycles)
         self._limited += limited
+        self._delay = max(self._delay, delay)
         self._work.add(work)
         if counts:
             self._judged += 1
@@ -141,6 +146,7 @@ class Recorder:
             self._missed,
             self._longest,
             self.repeated,
+            self._delay,
             self._limited,
             work.percentile(0.5),
             work.percentile(0.999),
