@@ -63,7 +63,7 @@ def test_the_peak_holds_from_the_start(certificate: SampledCertificate) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("delay", "lost", "margin"), [(0, 1, 4.0), (1, 0, 8.0), (1, 1, 8.0)])
+@pytest.mark.parametrize(("delay", "lost", "margin"), [(0, 1, 4.0), (1, 0, 8.0)])
 def test_late_and_lost_ticks_stay_within_the_bounds(delay: int, lost: int, margin: float) -> None:
     late = _certified(margin, delay=delay, lost=lost)
     reaching = SuperTwisting(K1, K2, "matched", margin)

@@ -285,11 +285,9 @@ def _has_settled(tube: Sequence[State]) -> bool:
 def _that_stays(loop: Loop, widest: State) -> tuple[State, ...]:
     """Ticks into sets that are never left, under bounds somewhat larger than those reached; empty where they grow."""
     for room in _ROOM:
-        squared, between = (
-            room**2,
-            room**1.5,
-        )  # s and e1 grow about with the square of accelerations
-        bounds = squared * widest.s, squared * widest.e1, between * widest.a, between * widest.speed
+        # s grows about with the square of accelerations; e1 is slow, and may still be on its way
+        s, a = room**2 * widest.s, room**1.5 * widest.a
+        bounds = s, room**3 * widest.e1, a, room**1.5 * widest.speed
         ticks = [State(widest.sets, *bounds)]
         for k in range(1, _ENTRY + 1):
             sets = advance(loop, ticks[-1], ticks[-1]).sets
