@@ -17,7 +17,7 @@ from rbimpedance.tuning.worst_case import (
     usual_impedance,
 )
 
-from . import runs
+from .closed_loops import LATE, run
 from .plants import Plants
 
 FEW = 8
@@ -54,11 +54,11 @@ def _holds(
     """Whether no plant diverges, chatters, keeps an error or is thrown."""
     samples = [source.sample(point) for point in points]
     for start in starts:
-        log = runs.run(law, samples, proposal, start)
+        log = run(law, samples, proposal, start)
         if log["diverged"].any():
             return False
         t = log["t"][0]
-        late = t >= runs.LATE * t[-1]
+        late = t >= LATE * t[-1]
         allowed = 1e-3 + proposal.uncertainty.delay * proposal.dt * np.abs(log["e2"][:, late]).max()
         far = 3.0 * np.abs(log["true"][:, 0]).max() + 0.1
         if np.abs(log["true"][:, late]).max() > allowed or np.abs(log["true"]).max() > far:

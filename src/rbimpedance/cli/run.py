@@ -34,6 +34,8 @@ from .wording import as_options
 
 _simulation = partial(option, "Simulation")
 
+_NOTHING_UNKNOWN = "nothing is unknown: the simulated arm is the model (--payload, --coulomb and others change that)"
+
 _FIGURES = {
     "errors": "tracking_errors",
     "impedance_error": "impedance_error",
@@ -116,9 +118,7 @@ def run(
         given = law.controller(task)
     say_grave_notes(task.arm)
     if task.unknown.is_nothing() and not output.silent:
-        tell(
-            "nothing is unknown: the simulated arm is the model (--payload, --coulomb and others change that)"
-        )
+        tell(_NOTHING_UNKNOWN)
     controller, words = given or _tuned(task, output)
     payload = task.unknown.plant(task.arm).payload
     title = f"{task.arm.name}, payload {payload:g} kg, {words}, dt = {controller.dt:g} s"

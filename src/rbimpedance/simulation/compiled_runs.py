@@ -102,7 +102,7 @@ def run_around_pinocchio(
 def _around_pinocchio(loop: ClosedLoop, world: World, on_tick: OnTick | None) -> RunBlock:
     """Return the function that runs a block of ticks by kernels between Pinocchio's algorithms."""
     from .._numba.layouts.tables import hold  # noqa: PLC0415 (Numba is loaded when needed)
-    from .compiled.loop import GOES_ON, loop_kernels  # noqa: PLC0415
+    from .compiled.between import GOES_ON, loop_kernels  # noqa: PLC0415
     from .compiled.world import Outcome  # noqa: PLC0415
 
     controller: Any = loop.controller

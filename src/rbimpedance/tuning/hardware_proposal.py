@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from .._common.arrays import Array
 from .._common.brief import brief_repr
-from ..control.estimation.friction_learning import TERMS, Expectation
+from ..control.estimation.friction_learning import Expectation
 from ..control.hardware_controller import HardwareController
 from ..exceptions import DivergenceError, ParameterError
 from ..law.impedance import Impedance
@@ -19,7 +19,6 @@ from ..law.limits import Limits
 from ..robot.arm_model import ArmModel
 from ..robot.hardware import Hardware
 from ..simulation.plants.elasticity import enough_substeps
-from ..simulation.plants.torque_loop import TorqueLoop
 from ..simulation.run import on_hardware, simulate
 from .gain_design import DesignTask, Measured, measure_task
 from .hardware_bandwidths import (
@@ -29,6 +28,7 @@ from .hardware_bandwidths import (
     spring_bound,
     variation_of_motion,
 )
+from .hardware_plants import LEAST_FRICTION, as_seen, expectation, worst_samples
 from .plant_sample import PlantSample, with_body
 from .worst_case import true_error, usual_impedance
 
@@ -49,12 +49,9 @@ GATE_COUNTS = 30.0
 
 _FLOOR = 2.0  # N·m/s
 _JUMP_TARGET = 0.35  # of the accuracy: a jump comes on top of the rest
-_CONSTANT = 0.15  # N·m that neither load nor friction explains
-_LEAST_FRICTION = 0.5  # N·m that a joint is prepared for where none is stated
 _K2_OVER_MISMATCH = 60.0  # reversals stay in the linear zone of the reaching term
 _LATE = 0.4  # share of the run after which errors and variation are taken
 _ROUNDS = 6
-_INSIDE = 6  # plants that are simulated besides the corners of the ranges
 _SOFTER, _GATE_SOFTER = (
     0.89,
     0.73,
@@ -223,10 +220,10 @@ def propose_for_hardware(
         accuracy: Largest error allowed; None for what the hardware allows [rad or m].
     """
     smooth = task.uncertainty.but(coulomb=0.0, viscous=0.0)
-    seen = _as_seen(task.arm, hardware)
+    seen = as_seen(task.arm, hardware)
     measured = measure_task(replace(task, arm=seen, uncertainty=smooth))
     found = _designed(task, hardware, measured, accuracy or BEST)
-    samples, tried = _samples(task, hardware), list[HardwareProposal]()
+    samples, tried = worst_samples(task, hardware), list[HardwareProposal]()
     for softer in range(_ROUNDS):
         found = _until_loud(task, _softened(found, softer), impedance, q0, samples)
         tried.append(found)
@@ -257,20 +254,12 @@ def _until_loud(
     return found
 
 
-def _as_seen(arm: ArmModel, hardware: Hardware) -> ArmModel:
-    """The arm as the law meets it: an inner torque loop makes rotors behind springs lighter, B/(1 + K_T)."""
-    rotors = hardware.rotors(arm)
-    if hardware.is_elastic and hardware.torque_sensor is not None:
-        rotors = rotors / (1.0 + TorqueLoop.for_(hardware, arm).gain)
-    return arm.with_armature(rotors)
-
-
 def _designed(
     task: DesignTask, hardware: Hardware, measured: Measured, accuracy: float
 ) -> HardwareProposal:
     """Bandwidths and gains, not simulated yet."""
     arm, q = measured.model, task.trajectory(0.0).q
-    friction = np.maximum(task.uncertainty.coulomb.max(axis=0) + task.arm.coulomb, _LEAST_FRICTION)
+    friction = np.maximum(task.uncertainty.coulomb.max(axis=0) + task.arm.coulomb, LEAST_FRICTION)
     heaviest = task.uncertainty.sample(task.arm, 1, seed=task.seed)[0].plant
     mismatch, mass = measured.mismatch, np.diag(arm.mass_matrix(q)).copy()
     demand = HardwareDemand(
@@ -296,7 +285,7 @@ def _designed(
         demand=demand,
         k2=_K2_OVER_MISMATCH * (mismatch.torque + friction) / mismatch.inertia,
         accuracy=np.maximum(GATE_SHARE * accuracy, GATE_COUNTS * hardware.count(arm)),
-        expected=_expected(task, hardware),
+        expected=expectation(task, hardware),
         load=with_body(
             arm, 1.0, task.uncertainty.payload_com.mean(axis=0), 0.0, task.uncertainty.payload_frame
         ),
@@ -315,21 +304,6 @@ def _softened(found: HardwareProposal, softer: int) -> HardwareProposal:
     slower = replace(found.bandwidths, quiet=_SOFTER * found.bandwidths.quiet)
     accuracy = found.accuracy / _GATE_SOFTER
     return replace(found, bandwidths=slower, accuracy=accuracy, softer=softer, runs=())
-
-
-def _expected(task: DesignTask, hardware: Hardware) -> Expectation:
-    """Friction and load in the middle of their ranges, half of which is a standard deviation."""
-    unknown, nv = task.uncertainty, task.arm.nv
-    mean, deviation = np.zeros((2, TERMS, nv))
-    for i, (low, high) in enumerate((unknown.coulomb, unknown.viscous)):
-        mean[i], deviation[i] = (low + high) / 2.0, np.maximum((high - low) / 2.0, _LEAST_FRICTION)
-    deviation[2] = _CONSTANT
-    deviation[3:5] = np.maximum(hardware.ripple, 1e-3)
-    low, high = unknown.inertia_scale
-    deviation[5] = max((high - low) / 2.0, 1e-3)
-    low, high = unknown.payload
-    deviation[6] = max((high - low) / 2.0, 1e-3)
-    return Expectation(mean, deviation)
 
 
 def _controller(
@@ -380,21 +354,6 @@ def _runs(
         error = np.abs(true_error(sample.plant, result)[late]).max(axis=0)
         variation = float(result.metrics(after=_LATE * ticks * task.dt)["tau_variation"].sum())
         yield HardwareRun(sample, error, variation)
-
-
-def _samples(task: DesignTask, hardware: Hardware) -> list[PlantSample]:
-    """The heaviest and the lightest plant first, with the most and the least friction, and plants between them.
-
-    Springs are simulated in Python, and on three plants alone.
-    """
-    corners = len(task.uncertainty.extremes(task.arm))
-    if hardware.is_elastic:
-        drawn = task.uncertainty.extremes(task.arm)
-        return [drawn[i] for i in sorted({0, corners // 2, corners - 1})]
-    extremes = sorted({0, corners // 2, corners - 1, corners // 3, 2 * corners // 3})
-    inside = range(corners, corners + _INSIDE * (corners > 1))
-    drawn = task.uncertainty.sample(task.arm, corners + _INSIDE, seed=task.seed)
-    return [drawn[i] for i in (*extremes, *inside)]
 
 
 def _judged(found: HardwareProposal, accuracy: float | None) -> HardwareProposal:

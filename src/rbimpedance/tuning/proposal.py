@@ -310,15 +310,12 @@ def propose_gains(  # noqa: PLR0913 (requirements, each given by name)
         ModelError: The arm has no such frame.
         TypeError: A keyword that there is not.
     """
-    required: dict[str, Any] = {
-        "dt": positive_number("dt", dt, "control period in seconds"),
-        "duration": positive_number("duration", duration, "length in seconds"),
-        "accuracy": positive_number(
-            "accuracy", ACCURACY if accuracy is None else accuracy, "error"
-        ),
+    required = {
+        **_positive(dt=dt, duration=duration, accuracy=ACCURACY if accuracy is None else accuracy),
         "spread": MotionMargin() if spread is None else spread,
         "limits": as_limits(limits, arm.nv),
-    } | search
+        **search,
+    }
     if frame is not None:
         _check_at_tool(surface=surface, hardware=hardware)
         options = {"frame": frame, "impedance": impedance, "q0": q0}
@@ -334,6 +331,15 @@ def propose_gains(  # noqa: PLR0913 (requirements, each given by name)
         return propose_for_hardware(task, hardware, target, q0, accuracy)
     found = _searched(Trial(task, target, q0))
     return _proven(found, task) if proof and found.feasible else found
+
+
+def _positive(**given: float) -> dict[str, Any]:
+    meanings = {
+        "dt": "control period in seconds",
+        "duration": "length in seconds",
+        "accuracy": "error",
+    }
+    return {name: positive_number(name, value, meanings[name]) for name, value in given.items()}
 
 
 def _proven(found: GainProposal, task: DesignTask) -> GainProposal:

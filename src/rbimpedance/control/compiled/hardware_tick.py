@@ -86,22 +86,8 @@ commanded = helper(observed_law.commanded)
 lagged = helper(lagged_formula)
 
 # Rows of `TickSpace.rows`.
-(
-    _BIAS,
-    _DA,
-    _OMEGA,
-    _FRICTION,
-    _V,
-    _TORQUE,
-    _X,
-    _A,
-    _SCALED,
-    _LOAD,
-    _SINE,
-    _COSINE,
-    _SINE_NOW,
-    _COSINE_NOW,
-) = range(14)
+_BIAS, _DA, _OMEGA, _FRICTION, _V, _TORQUE, _X = range(7)
+_A, _SCALED, _LOAD, _SINE, _COSINE, _SINE_NOW, _COSINE_NOW = range(7, 14)
 
 
 @routine
@@ -358,10 +344,8 @@ def _shift(rows: Array, j: int, change: float) -> None:
 def _friction(tables: HardwareTables, own: Array, rows: Array, j: int, out: TickOutput) -> float:
     """What is learned, at the reference when the torque will act."""
     v = out.rows[OUT_V_R, j] + tables.joints[LEAD, j] * out.rows[OUT_A_R, j]
-    dry, theta = (
-        dry_share(v, REFERENCE_SMOOTHING, tables.numbers[STRIBECK]),
-        rows[PARAMETERS:NORMAL, j],
-    )
+    dry = dry_share(v, REFERENCE_SMOOTHING, tables.numbers[STRIBECK])
+    theta = rows[PARAMETERS:NORMAL, j]
     torque: float = mismatch_torque(
         theta, dry, v, own[_SINE, j], own[_COSINE, j], own[_SCALED, j], own[_LOAD, j]
     )

@@ -343,7 +343,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
 
     def _taken_over(self, state: FaultGuardState, now: FaultGuardState) -> SoftStartState:
         """State of the controller for this tick; where it was away, with a soft start."""
-        start, is_late, inner = self._start, self._is_late(now), state.inner
+        start, is_late, inner = self._start, _is_late(now, self.dt), state.inner
         if now.period is not None:
             inner = start.elapsed(inner, now.period)
         was_away = state.response != "run" or is_late
@@ -356,13 +356,10 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         """The arm as it is; after a long pause, at rest with what holds it."""
         dynamics, (q, v, *_) = self.arm.raw_dynamics, now.known
         zero = np.zeros_like(v)
-        if self._is_late(now):
+        if _is_late(now, self.dt):
             return Situation(q, v, zero, now.reference, dynamics.bias(q, zero), now.tau_ext)
         a = dynamics.forward_dynamics(q, v, state.tau + now.known.r)
         return Situation(q, v, a, now.reference, state.tau, now.tau_ext)
-
-    def _is_late(self, now: FaultGuardState) -> bool:
-        return now.period is not None and now.period > LONGEST_PERIOD * self.dt
 
     def _fall_back(
         self, state: FaultGuardState, now: FaultGuardState
@@ -389,8 +386,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         is_unseen = _is_idle(now.fault) and now.effect.constant >= self.frozen_ticks * self.dt
         is_adrift = (now.monitor.joints[SINCE_Q] > 2.0 * self.longest_blind).any()
         brakes = bool(is_lost or is_unseen or is_adrift)
-        answer: GuardedOutput = guarded(output, response, now.fault, brakes)
-        return answer, following
+        return guarded(output, response, now.fault, brakes), following
 
     def _response(self, state: FaultGuardState, now: FaultGuardState, since: float) -> Response:
         is_early = state.response != "stop" and since < self.longest_hold
@@ -399,7 +395,9 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
 
     def _within(self, state: FaultGuardState, now: FaultGuardState, tau: Array) -> Array:
         """The nearest torque that may leave."""
-        return self._braking.within(tau, state.tau, state.monitor.ticks == 0 or self._is_late(now))
+        return self._braking.within(
+            tau, state.tau, state.monitor.ticks == 0 or _is_late(now, self.dt)
+        )
 
     def _told(
         self, state: FaultGuardState, output: GuardedOutput, following: FaultGuardState
@@ -425,6 +423,10 @@ def _limits(arm: ArmModel, limits: Limits | ArrayLike | None) -> Limits:
         effort=per_joint("limits.effort", chosen.effort, arm.nv),
         rate=per_joint("limits.rate", chosen.rate, arm.nv),
     )
+
+
+def _is_late(now: FaultGuardState, dt: float) -> bool:
+    return now.period is not None and now.period > LONGEST_PERIOD * dt
 
 
 def _is_seen(fault: Fault) -> bool:

@@ -20,6 +20,7 @@ from ...robot.arm_model import ArmModel
 from ...robot.compiled.tables import ArmTables, workspace
 from ...trajectories import Reference
 from ..joint_stops import JointStops
+from .between import Between
 from .drives import Drives
 from .environment import Drive, EnvironmentTables, can_sample
 from .log import LogArrays, MetricSums, no_figures
@@ -30,7 +31,6 @@ from .loop import (
     SEMI_IMPLICIT,
     STIFF,
     UNSOUND,
-    Between,
     Clock,
     Controlled,
     LoopWorkspace,
