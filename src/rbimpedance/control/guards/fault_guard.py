@@ -183,15 +183,12 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
 
     def init(self) -> FaultGuardState:
         """Return the state before the first tick."""
-        zero = np.zeros(self.arm.nv)
         return FaultGuardState(
             inner=self._start.init(),
             monitor=self._monitor.init(),
             effect=self._effect.init(),
             known=self._believer.init(),
-            tau=zero,
-            safe=zero,
-            tau_ext=zero,
+            **dict.fromkeys(("tau", "safe", "tau_ext"), np.zeros(self.arm.nv)),
             reference=self._motion.at_rest(),
             offset=np.zeros((2, len(self._motion.usual_speed))),
             response="run",
@@ -354,8 +351,7 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
 
     def _situation(self, state: FaultGuardState, now: FaultGuardState) -> Situation:
         """The arm as it is; after a long pause, at rest with what holds it."""
-        dynamics, (q, v, *_) = self.arm.raw_dynamics, now.known
-        zero = np.zeros_like(v)
+        dynamics, (q, v, *_), zero = self.arm.raw_dynamics, now.known, np.zeros(self.arm.nv)
         if _is_late(now, self.dt):
             return Situation(q, v, zero, now.reference, dynamics.bias(q, zero), now.tau_ext)
         a = dynamics.forward_dynamics(q, v, state.tau + now.known.r)
@@ -385,8 +381,9 @@ class FaultGuard(ControllerWrapper[FaultGuardState, GuardedOutput]):
         following = now._replace(tau=tau, response=response, since=since, period=None)
         is_unseen = _is_idle(now.fault) and now.effect.constant >= self.frozen_ticks * self.dt
         is_adrift = (now.monitor.joints[SINCE_Q] > 2.0 * self.longest_blind).any()
-        brakes = bool(is_lost or is_unseen or is_adrift)
-        return guarded(output, response, now.fault, brakes), following
+        return guarded(
+            output, response, now.fault, bool(is_lost or is_unseen or is_adrift)
+        ), following
 
     def _response(self, state: FaultGuardState, now: FaultGuardState, since: float) -> Response:
         is_early = state.response != "stop" and since < self.longest_hold
