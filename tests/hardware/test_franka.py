@@ -1,4 +1,4 @@
-"""The Franka adapter: what it tells the maker's client, and the real client on servers that speak the protocol."""
+"""The Franka adapter: what it passes to the maker's client, for which a stand-in serves."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ARM = rbi.load_robot("panda", lock=("panda_finger_joint1", "panda_finger_joint2"
 
 
 class Client:
-    """Stands in for pylibfranka: remembers what it is asked for."""
+    """Stands in for pylibfranka: remembers its calls."""
 
     class RealtimeConfig:
         kEnforce, kIgnore = "enforce", "ignore"  # noqa: N815 (the maker's names)

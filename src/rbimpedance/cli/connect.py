@@ -15,6 +15,7 @@ from ..control.default_gains import default_impedance
 from ..control.losses import Losses
 from ..exceptions import ParameterError, RobotError
 from ..hardware import Conventions, Robot, RobotRun, SimulatedRobot, franka, run, ur
+from ..law.impedance import Impedance
 from ..law.limits import Limits
 from ..robot.arm_model import ArmModel
 from ..trajectories import Trajectory, from_csv
@@ -156,12 +157,18 @@ def _say_plan(
     gains = "the arm's own" if connection.gains is None else f"{connection.gains}"
     lines = [
         f"{conventions.name}, {1.0 / conventions.period:g} Hz: {motion} for {connection.duration:g} s, then to rest",
-        f"gains: {gains}; impedance {controller.impedance}",
+        f"gains: {gains}; impedance: {_in_words(default_impedance(controller.arm))}",
         f"torque up to {effort} N·m, {np.min(limits.rate):g} N·m/s",
         "starts at the torque that the robot gives, within 1 s; stops where measurements fail; Ctrl-C: to rest",
         *conventions.notes,
     ]
     tell("\n- ".join(lines))
+
+
+def _in_words(target: Impedance) -> str:
+    parts = {"M_d": target.mass, "K_d": target.stiffness}
+    words = [f"{name} {np.min(x):.3g} to {np.max(x):.3g}" for name, x in parts.items()]
+    return f"{', '.join(words)}, critically damped"
 
 
 def _driven(
