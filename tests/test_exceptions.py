@@ -38,6 +38,11 @@ ERRORS: dict[str, tuple[rbi.RBImpedanceError, dict[str, object], str]] = {
         {"name": "q", "joint": "elbow", "value": 3.5, "limits": (-3.0, 3.0)},
         "q puts joint 'elbow' at 3.5, outside its position limits [-3, 3] (rad or m); check_limits=False allows it",
     ),
+    "LogError": (
+        rbi.LogError("run.csv", "no column is the time", "name one"),
+        {"source": "run.csv", "problem": "no column is the time", "remedy": "name one"},
+        "'run.csv': no column is the time; name one",
+    ),
     "DivergenceError": (
         rbi.DivergenceError(0.25, "elbow", "partial"),
         {"time": 0.25, "joint": "elbow", "result": "partial"},
@@ -90,6 +95,7 @@ def test_error_keeps_message_and_attributes(
         (rbi.JointLimitError, rbi.InputError),
         (rbi.UnsupportedJointError, rbi.ModelError),
         (rbi.DivergenceError, ArithmeticError),
+        (rbi.LogError, ValueError),
         (rbi.UnsafeError, ValueError),
         (rbi.RobotError, RuntimeError),
         (rbi.MissingExtraError, ImportError),

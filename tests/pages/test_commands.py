@@ -114,10 +114,24 @@ COMMANDS = {
     "study standard --jobs 2 --out out/standard": Shown(
         ("medians of the runs",), ("out/standard/summary.json",), _STUDY, slow=True
     ),
+    "study linear --jobs 2 --out out/linear": Shown(
+        ("medians of the runs",), ("out/linear/summary.json",), _STUDY, slow=True
+    ),
+    "connect sim panda --payload 1 --lost 0.1": Shown(
+        ("simulated panda, 1000 Hz", "RunReport: finished", r"written: .*connect\.npz"),
+        shorter=("--duration", "1"),
+        slow=True,
+    ),
+    "connect sim two_link --payload 0.3 --lost 0.1 --duration 5": Shown(
+        ("simulated two_link, 1000 Hz", "RunReport: finished"),
+        shorter=("--duration", "1"),
+        slow=True,
+    ),
 }
 """Every command of the pages, as it stands there, and what it says."""
 
 NOT_RUN = {
+    "connect franka fr3.urdf --host 172.16.0.2 --effort 0.2 --duration 10": "it needs a robot",
     "study mine.py:STUDY --jobs 2 --out out/mine": "its file is code of the page, which is tested with it",
 }
 
