@@ -48,7 +48,7 @@ def test_linear_laws_meet_the_same_experiments() -> None:
         STANDARD.samples,
         STANDARD.robots,
     )
-    assert LINEAR.disturbances is STANDARD.disturbances
+    assert LINEAR.disturbances == STANDARD.disturbances
 
 
 def test_what_is_compared_with_is_the_library_itself() -> None:

@@ -24,7 +24,7 @@ from .terminal import progress, say
 
 _gains = partial(option, "Gains")
 
-REMEDY_TIME, WITHOUT_ROTORS = 3.5, 1.0
+REMEDY_TIME, WITHOUT_ROTORS = 20.0, 1.0
 """Time after which no more remedies are tried for gains that are refused, and where the reason is known before [s]."""
 
 TUNING_TIME = 5.0

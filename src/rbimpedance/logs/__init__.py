@@ -7,5 +7,5 @@ named finding, never a guess. May use: `robot` and what it uses.
 from __future__ import annotations
 
 from .arm_log import ArmLog as ArmLog
-from .findings import Finding as Finding
+from .findings import LogFinding as LogFinding
 from .log import Log as Log

@@ -10,7 +10,7 @@ from .._common.arrays import Array
 from ..exceptions import LogError
 from ..robot.arm_model import ArmModel
 from ..robot.rigid_bodies import movable_joints
-from .findings import Finding
+from .findings import LogFinding
 from .samples import Samples, to_seconds
 
 _OTHER_UNIT = 3.0  # times the middle of the range to a limit: no joint stands there
@@ -38,11 +38,13 @@ class ArmLog:
     tau: Array | None
     tau_ext: Array | None
     wrench: Array | None
-    findings: tuple[Finding, ...]
+    findings: tuple[LogFinding, ...]
     source: str
 
 
-def on_arm(samples: Samples, arm: ArmModel, findings: tuple[Finding, ...], source: str) -> ArmLog:
+def on_arm(
+    samples: Samples, arm: ArmModel, findings: tuple[LogFinding, ...], source: str
+) -> ArmLog:
     """Return samples, whose joints are the arm's in its order, in the terms of the arm.
 
     Raises:
@@ -54,7 +56,9 @@ def on_arm(samples: Samples, arm: ArmModel, findings: tuple[Finding, ...], sourc
     v = samples.velocity
     if v is None:
         v = np.gradient(samples.position, t, axis=0)
-        found.append(Finding("missing", "velocity is the central difference of positions: noisy"))
+        found.append(
+            LogFinding("missing", "velocity is the central difference of positions: noisy")
+        )
     return ArmLog(
         t=t,
         q=configurations(arm, samples.position),
@@ -100,7 +104,7 @@ def positions(arm: ArmModel, q: Array) -> Array:
     return np.stack(columns, axis=1)
 
 
-def _limits(samples: Samples, arm: ArmModel, source: str) -> list[Finding]:
+def _limits(samples: Samples, arm: ArmModel, source: str) -> list[LogFinding]:
     lower, upper = arm.joint_limits()
     with np.errstate(invalid="ignore"):
         beyond = np.maximum(
@@ -116,7 +120,7 @@ def _limits(samples: Samples, arm: ArmModel, source: str) -> list[Finding]:
             'positions are in rad or m; give unit="deg" where the file has degrees',
         )
     return [
-        Finding(
+        LogFinding(
             "limit",
             f"joint '{arm.joint_names[i]}' is up to {beyond[i]:.3g} {arm.position_units[i]} beyond its limit",
         )

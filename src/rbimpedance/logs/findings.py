@@ -19,7 +19,7 @@ _NEAR_A_DEGREE = 0.1  # relative distance of a ratio from `DEGREE` that is the u
 _MOVING = 1e-3  # rad/s or m/s: joints slower than this say nothing about units
 
 
-class Finding(NamedTuple):
+class LogFinding(NamedTuple):
     """What a reader found and did, or left as it is.
 
     Attributes:
@@ -34,7 +34,7 @@ class Finding(NamedTuple):
 
 def checked(
     samples: Samples, source: str, *, drop_invalid: bool = False
-) -> tuple[Samples, tuple[Finding, ...]]:
+) -> tuple[Samples, tuple[LogFinding, ...]]:
     """Return the samples without duplicates and channels that were not measured, and what was found.
 
     Args:
@@ -45,7 +45,7 @@ def checked(
     Raises:
         LogError: Fewer than two samples, time that goes back, NaN or infinity, or units that do not fit together.
     """
-    findings: list[Finding] = []
+    findings: list[LogFinding] = []
     samples = _without_empty_channels(samples, source, findings)
     samples = _without_invalid(samples, source, drop_invalid, findings)
     _check_clock(samples.stamps, source)
@@ -57,18 +57,18 @@ def checked(
     return samples, tuple(findings)
 
 
-def _without_empty_channels(samples: Samples, source: str, findings: list[Finding]) -> Samples:
+def _without_empty_channels(samples: Samples, source: str, findings: list[LogFinding]) -> Samples:
     empty: dict[str, Any] = {
         name: None for name, array in samples.channels() if array.size == 0 or np.isnan(array).all()
     }
     if "position" in empty:
         raise LogError(source, "no position in any sample", "a log needs the joints' positions")
-    findings += [Finding("missing", f"{name} was not measured: left out") for name in empty]
+    findings += [LogFinding("missing", f"{name} was not measured: left out") for name in empty]
     return samples._replace(**empty)
 
 
 def _without_invalid(
-    samples: Samples, source: str, drop_invalid: bool, findings: list[Finding]
+    samples: Samples, source: str, drop_invalid: bool, findings: list[LogFinding]
 ) -> Samples:
     valid = np.ones(len(samples.stamps), dtype=bool)
     for name, array in samples.channels():
@@ -85,7 +85,7 @@ def _without_invalid(
     if valid.all():
         return samples
     findings.append(
-        Finding("invalid", f"{np.count_nonzero(~valid)} sample(s) with NaN or infinity left out")
+        LogFinding("invalid", f"{np.count_nonzero(~valid)} sample(s) with NaN or infinity left out")
     )
     return samples.at(valid)
 
@@ -102,7 +102,7 @@ def _check_clock(stamps: Stamps, source: str) -> None:
         )
 
 
-def _without_duplicates(samples: Samples, findings: list[Finding]) -> Samples:
+def _without_duplicates(samples: Samples, findings: list[LogFinding]) -> Samples:
     again = np.concatenate([[False], np.diff(samples.stamps) == 0])
     if not again.any():
         return samples
@@ -114,11 +114,11 @@ def _without_duplicates(samples: Samples, findings: list[Finding]) -> Samples:
     words = f"{len(rows)} sample(s) have the time of the one before: left out"
     if differ:
         words += f", although {differ} of them differ from it"
-    findings.append(Finding("duplicate", words))
+    findings.append(LogFinding("duplicate", words))
     return samples.at(~again)
 
 
-def _gaps(stamps: Stamps) -> Iterator[Finding]:
+def _gaps(stamps: Stamps) -> Iterator[LogFinding]:
     steps = np.diff(stamps)
     median = float(np.median(steps))
     gaps = np.flatnonzero(steps > GAP * median)
@@ -129,7 +129,7 @@ def _gaps(stamps: Stamps) -> Iterator[Finding]:
             f"{len(gaps)} gap(s) of more than {GAP:g} periods; the largest is {to_seconds(int(steps[largest])):g} s, "
             f"from t = {start:g} s"
         )
-        yield Finding("gap", words)
+        yield LogFinding("gap", words)
 
 
 def _check_units(samples: Samples, source: str) -> None:

@@ -9,10 +9,10 @@ from types import ModuleType
 from typing import NamedTuple
 
 from ..exceptions import LogError, MissingExtraError
-from .findings import Finding
+from .findings import LogFinding
 from .samples import Samples
 
-Read = tuple[Samples, tuple[Finding, ...]]
+Read = tuple[Samples, tuple[LogFinding, ...]]
 """What a reader returns."""
 
 READERS = {

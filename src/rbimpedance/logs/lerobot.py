@@ -12,7 +12,7 @@ import pyarrow.dataset
 
 from .._common.arrays import Array
 from ..exceptions import LogError
-from .findings import Finding
+from .findings import LogFinding
 from .formats import Read, Wanted
 from .samples import BILLION, Samples, Stamps, to_stamps
 
@@ -49,7 +49,7 @@ def read(path: Path, wanted: Wanted) -> Read:
     }
     findings = []
     if wanted.episode is None and episodes > 1:
-        findings.append(Finding("episode", f"episode 0 of {episodes}; episode= reads another"))
+        findings.append(LogFinding("episode", f"episode 0 of {episodes}; episode= reads another"))
     return Samples(_stamps(table, info.get("fps")), names, **channels), tuple(findings)
 
 

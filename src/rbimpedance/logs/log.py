@@ -17,7 +17,7 @@ from ..exceptions import DimensionError, LogError, ParameterError
 from ..robot.arm_model import ArmModel
 from . import formats
 from .arm_log import ArmLog, on_arm
-from .findings import DEGREE, Finding, checked
+from .findings import DEGREE, LogFinding, checked
 from .samples import CHANNELS, Samples, Stamps, to_seconds, to_stamps
 
 
@@ -44,7 +44,7 @@ class Log:
     effort: Array | None
     external: Array | None
     wrench: Array | None
-    findings: tuple[Finding, ...]
+    findings: tuple[LogFinding, ...]
     source: str
 
     @classmethod
@@ -139,7 +139,7 @@ class Log:
 
     @classmethod
     def _checked(
-        cls, samples: Samples, found: tuple[Finding, ...], source: str, drop_invalid: bool
+        cls, samples: Samples, found: tuple[LogFinding, ...], source: str, drop_invalid: bool
     ) -> Log:
         samples, findings = checked(samples, source, drop_invalid=drop_invalid)
         return cls(*samples, findings=(*found, *findings), source=source)

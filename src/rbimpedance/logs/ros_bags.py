@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 from .._common.arrays import Array
 from .._common.suggestions import suggest
 from ..exceptions import LogError
-from .findings import Finding
+from .findings import LogFinding
 from .formats import Read, Wanted
 from .joint_states import CHANNELS, TYPE, Block, blocks
 from .samples import BILLION, Samples, Stamps, to_seconds
@@ -47,7 +47,7 @@ def read(path: Path, wanted: Wanted) -> Read:
 
 
 def _read(reader: AnyReader, source: str, wanted: Wanted) -> Read:
-    findings: list[Finding] = []
+    findings: list[LogFinding] = []
     topics = _topics(reader, source, wanted)
     found = list(_blocks(reader, topics["joints"]))
     if not found:
@@ -123,7 +123,7 @@ def _usual_names(found: list[Block]) -> tuple[str, ...]:
 
 
 def _joined(
-    found: list[Block], names: tuple[str, ...], source: str, findings: list[Finding]
+    found: list[Block], names: tuple[str, ...], source: str, findings: list[LogFinding]
 ) -> Block:
     """One block with the named joints in their order, of all messages that have them."""
     whole = [block for block in found if set(names) <= set(block.names)]
@@ -137,11 +137,11 @@ def _joined(
     partial = sum(len(block.stamps) for block in found) - sum(len(block.stamps) for block in whole)
     if partial:
         findings.append(
-            Finding("partial", f"{partial} message(s) without all of these joints: left out")
+            LogFinding("partial", f"{partial} message(s) without all of these joints: left out")
         )
     if any(block.names != whole[0].names for block in whole):
         findings.append(
-            Finding("order", "messages have their joints in different orders: sorted by name")
+            LogFinding("order", "messages have their joints in different orders: sorted by name")
         )
     there = {name for block in whole for name in block.channels}
     channels = {
@@ -158,11 +158,11 @@ def _channel(block: Block, name: str, names: tuple[str, ...]) -> Array:
     return block.channels[name][:, [block.names.index(joint) for joint in names]]
 
 
-def _one_clock(joined: Block, findings: list[Finding]) -> Stamps:
+def _one_clock(joined: Block, findings: list[LogFinding]) -> Stamps:
     """The messages' own times; those of recording where they have none."""
     if not joined.stamps.any():
         findings.append(
-            Finding("clocks", "messages have no time stamps: times of recording are used")
+            LogFinding("clocks", "messages have no time stamps: times of recording are used")
         )
         return joined.log_times
     latency = joined.log_times - joined.stamps
@@ -171,7 +171,7 @@ def _one_clock(joined: Block, findings: list[Finding]) -> Stamps:
         words = (
             f"time stamps and times of recording drift apart by {spread:.3g} s: the stamps are used"
         )
-        findings.append(Finding("clocks", words))
+        findings.append(LogFinding("clocks", words))
     return joined.stamps
 
 
@@ -191,7 +191,9 @@ def _nanoseconds(message: Any) -> int:
     return int(stamp.sec) * BILLION + int(stamp.nanosec)
 
 
-def _held(stamps: Stamps, times: Stamps, rows: Array, name: str, findings: list[Finding]) -> Array:
+def _held(
+    stamps: Stamps, times: Stamps, rows: Array, name: str, findings: list[LogFinding]
+) -> Array:
     """The latest row at each sample; the first one before there is any."""
     if len(times) == 0:
         return np.full((len(stamps), rows.shape[1]), np.nan)
@@ -200,7 +202,7 @@ def _held(stamps: Stamps, times: Stamps, rows: Array, name: str, findings: list[
     latest = np.maximum(np.searchsorted(times, stamps, side="right") - 1, 0)
     age = to_seconds(int(np.abs(stamps - times[latest]).max()))
     findings.append(
-        Finding(
+        LogFinding(
             "held",
             f"{name} has times of its own: its latest value is held, at most {age:.3g} s old",
         )

@@ -14,7 +14,7 @@ from .._common.arrays import Array
 from .._common.files import whole_file
 from ..exceptions import LogError
 from .columns import Column, known
-from .findings import DEGREE, Finding
+from .findings import DEGREE, LogFinding
 from .formats import Read, Wanted
 from .samples import JOINT_CHANNELS, WRENCH, Samples, Stamps
 
@@ -68,7 +68,7 @@ def samples_of(table: Any, source: str, wanted: Wanted) -> Read:
         )
     stamps = _stamps(table, columns, source)
     names = _joints(columns, source, wanted)
-    findings: list[Finding] = []
+    findings: list[LogFinding] = []
     channels = {
         channel: _channel(table, columns, channel, names, source, findings)
         for channel in JOINT_CHANNELS
@@ -87,7 +87,7 @@ def samples_of(table: Any, source: str, wanted: Wanted) -> Read:
         )
     unknown = [name for name in table.column_names if name not in columns]
     if unknown:
-        findings.append(Finding("missing", f"column(s) not read: {', '.join(unknown[:12])}"))
+        findings.append(LogFinding("missing", f"column(s) not read: {', '.join(unknown[:12])}"))
     return Samples(stamps, names, **channels), tuple(findings)
 
 
@@ -149,7 +149,7 @@ def _channel(
     channel: str,
     names: tuple[str, ...],
     source: str,
-    findings: list[Finding],
+    findings: list[LogFinding],
 ) -> Array:
     found = {one.part: (name, one) for name, one in columns.items() if one.channel == channel}
     if all(one.is_number for _, one in found.values()):
@@ -164,7 +164,7 @@ def _channel(
         name, one = found[joint]
         array = _numbers(table, name, source)
         if one.unit.startswith("deg"):
-            findings.append(Finding("unit", f"'{name}' converted from degrees"))
+            findings.append(LogFinding("unit", f"'{name}' converted from degrees"))
             array = array / DEGREE
         arrays.append(array)
     return np.stack(arrays, axis=1)

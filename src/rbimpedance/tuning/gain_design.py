@@ -35,7 +35,8 @@ TORQUE_FLOOR = 0.5
 
 _K2_OVER_RATE = 1.5
 _FAR_TOO_MUCH = 30.0
-"""An estimate of the error that is this many times what is allowed is refused without a simulation."""
+"""An error from the disturbance that is estimated at this many times what is allowed is refused without a simulation.
+Estimates are too large by up to that much, those from noise are not."""
 _LEAST_RATE = (
     1e-9  # of a disturbance [rad/s³]: without a margin there is no bound, even if it is constant
 )
@@ -315,9 +316,10 @@ def _checked_design(task: DesignTask, found: Design) -> Design:
             f"{task.dt:g} s no margin up to {LARGEST_MARGIN:g} tolerates that"
         )
         return replace(found, joint=joint, reason=reason)
-    joint = int(np.argmax(found.error + found.noise_error))
+    excess = found.error / _FAR_TOO_MUCH + found.noise_error
+    joint = int(np.argmax(excess))
     unit = units[joint]
-    if found.error[joint] + found.noise_error[joint] > _FAR_TOO_MUCH * task.accuracy:
+    if excess[joint] > task.accuracy:
         reason = (
             f"joint '{names[joint]}' would have a remaining error of about {found.error[joint]:.2g} {unit} from the "
             f"disturbance and {found.noise_error[joint]:.2g} {unit} from noise, above the requested "
