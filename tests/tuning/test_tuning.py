@@ -350,7 +350,7 @@ def test_a_run_that_ends_before_the_arm_has_arrived_is_told_to_last_longer(
     two_link: rbi.ArmModel,
 ) -> None:
     asked = INFEASIBLE["a run that ends too early"]
-    more = {"samples": 6, "remedy_time": np.inf}
+    more: dict[str, Any] = {"samples": 6, "remedy_time": np.inf}
     proposal = propose_gains(two_link, UNKNOWN, swing(two_link), **more, **asked)
     assert any(remedy.changes.keys() == {"duration"} for remedy in proposal.remedies)
 
