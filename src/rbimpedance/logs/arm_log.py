@@ -10,6 +10,7 @@ from .._common.arrays import Array
 from ..exceptions import LogError
 from ..robot.arm_model import ArmModel
 from ..robot.rigid_bodies import movable_joints
+from ..trajectories.reference import integrate_each
 from .findings import LogFinding
 from .samples import Samples, to_seconds
 
@@ -61,7 +62,7 @@ def on_arm(
         )
     return ArmLog(
         t=t,
-        q=configurations(arm, samples.position),
+        q=integrate_each(arm, arm.zero[None], samples.position),
         v=v,
         tau=samples.effort,
         tau_ext=samples.external,
@@ -69,24 +70,6 @@ def on_arm(
         findings=tuple(found),
         source=source,
     )
-
-
-def configurations(arm: ArmModel, position: Array) -> Array:
-    """Return joint positions as configurations, shape (N, nq).
-
-    Args:
-        arm: The arm.
-        position: Joint positions, shape (N, nv) [rad or m].
-    """
-    model = arm.raw_dynamics.model
-    q = np.empty((len(position), arm.nq))
-    for column, j in enumerate(movable_joints(model)):
-        joint, angle = model.joints[j], position[:, column]
-        if joint.nq == 2:
-            q[:, joint.idx_q], q[:, joint.idx_q + 1] = np.cos(angle), np.sin(angle)
-        else:
-            q[:, joint.idx_q] = angle
-    return q
 
 
 def positions(arm: ArmModel, q: Array) -> Array:

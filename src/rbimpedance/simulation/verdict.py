@@ -10,6 +10,7 @@ import numpy as np
 
 from .._common.arrays import Array, BoolArray
 from .._common.deprecation import renamed_attribute
+from ..robot.units import joined
 from .chatter import chatters, ripple_of
 from .run_log import RunLog
 from .violations import excess, force_unit_of, unit_of
@@ -108,8 +109,8 @@ def verdict_of(result: RunLog) -> Verdict:
         *(*_divergence(result), *_position(result), *errors, *_effort(result)),
         *(*_saturation(result, start), *_chatter(result, start)),
     )
-    units = sorted({unit_of(result, i) for i in range(len(result.joint_names))}, reverse=True)
-    return Verdict(findings, float(sizes[-1].max()), _tool_error(result), " or ".join(units))
+    unit = joined(unit_of(result, i) for i in range(len(result.joint_names)))
+    return Verdict(findings, float(sizes[-1].max()), _tool_error(result), unit)
 
 
 def growth(result: RunLog) -> Array:
